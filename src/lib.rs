@@ -1,0 +1,2 @@
+//! Outrigger: the rooms behind the `outrigger` binary. ARCHITECTURE.md is the map.
+pub mod cli;

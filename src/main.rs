@@ -1,0 +1,6 @@
+//! verb → `cli`.
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    outrigger::cli::main()
+}
