@@ -1,5 +1,11 @@
 //! The G-code language, and nothing of the printer.
 //!
 //! # Layout
-//! Each module says what it is, what it takes and what it gives; this crate
-//! knows no file system, no clock and no serial port.
+//! - [`line`]: one line, parsed without loss; [`number`]: its decimals
+//! - [`state`]: what the lines do to a machine (modes, position, filament)
+//! - [`dialect`]: what slicers' comments say (layer, feature, width, object, wipe)
+//!
+//! Data flows in that order. This crate knows no file system, no clock and no
+//! serial port.
+pub mod line;
+pub mod number;
