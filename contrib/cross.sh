@@ -87,6 +87,7 @@ CONF
 }
 
 [ $# -gt 0 ] || set -- build --release --bin outrigger
+command -v cargo >/dev/null || fail "no cargo in the path: install Rust (https://rustup.rs)"
 need_linker "$1"
 case $FROM in
 auto) from_rustup || from_debian ;;
