@@ -7,5 +7,7 @@
 //!
 //! Data flows in that order. This crate knows no file system, no clock and no
 //! serial port.
+pub mod dialect;
 pub mod line;
 pub mod number;
+pub mod state;

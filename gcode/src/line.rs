@@ -26,9 +26,11 @@ pub struct Word {
     pub decimals: u8,
     /// No zero before the point, as written.
     pub bare_point: bool,
+    /// Where the number stands in the line's `args`; see [`Line::written`].
+    span: (u16, u16),
 }
 
-const NO_WORD: Word = Word { letter: 0, value: None, decimals: 0, bare_point: false };
+const NO_WORD: Word = Word { letter: 0, value: None, decimals: 0, bare_point: false, span: (0, 0) };
 
 /// The words of a command, in the order of the line.
 #[derive(Clone, Copy, Debug)]
@@ -124,6 +126,12 @@ impl<'a> Line<'a> {
     #[must_use]
     pub fn comment_text(&self) -> &'a [u8] {
         self.comment.get(1..).unwrap_or_default().trim_ascii()
+    }
+
+    /// The number of one of this line's words as written (`.500`), empty for a letter alone.
+    #[must_use]
+    pub fn written(&self, word: &Word) -> &'a [u8] {
+        self.args.get(usize::from(word.span.0)..usize::from(word.span.1)).unwrap_or_default()
     }
 
     /// Whether the line is a comment and nothing else.
@@ -262,8 +270,9 @@ fn named(input: &[u8]) -> IResult<&[u8], (&[u8], Command<'_>)> {
 }
 
 /// Reads `X10 Y-.5 E5F3000` with blanks and `(comments)` between.
-fn words(mut args: &[u8]) -> Words {
+fn words(all: &[u8]) -> Words {
     let mut words = Words::NONE;
+    let mut args = all;
     loop {
         args = skip_blanks_and_parentheses(args);
         let Some((&letter, rest)) = args.split_first() else { return words };
@@ -277,6 +286,8 @@ fn words(mut args: &[u8]) -> Words {
             word.value = Some(number.value);
             word.decimals = number.decimals;
             word.bare_point = number.bare_point;
+            let at = |left: &[u8]| u16::try_from(all.len() - left.len()).unwrap_or(u16::MAX);
+            word.span = (at(args), at(rest));
             args = rest;
         }
         words.list[usize::from(words.len)] = word;
@@ -379,6 +390,13 @@ mod tests {
         assert!(!parse(b"G1 X1 #2").words.complete);
         assert!(!parse(b"G1 A1B1C1D1E1F1G1H1I1J1K1L1M1").words.complete);
         assert!(parse(b"G1 XNaN").words.get(b'X').is_none());
+    }
+
+    #[test]
+    fn words_keep_how_they_were_written() {
+        let line = parse(b"G1  X1.500 (c) Y E.5");
+        let written: Vec<_> = line.words.as_slice().iter().map(|w| line.written(w)).collect();
+        assert_eq!(written, [&b"1.500"[..], b"", b".5"]);
     }
 
     #[test]
