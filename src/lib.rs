@@ -1,2 +1,3 @@
 //! Outrigger: the rooms behind the `outrigger` binary. ARCHITECTURE.md is the map.
 pub mod cli;
+pub mod printer;
