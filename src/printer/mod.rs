@@ -10,3 +10,4 @@
 pub mod lines;
 pub mod reply;
 pub mod temperature;
+pub mod window;
