@@ -32,5 +32,8 @@ fn assert_frame(frame: &[u8], command: &[u8]) {
     let text = body[..star].strip_prefix(b"N4000000000 ").expect("the number");
     assert_eq!(text, command);
     // An N at the start would be taken for a second line number.
-    assert!(!(text[0].eq_ignore_ascii_case(&b'N') && text.get(1).is_some_and(u8::is_ascii_digit)), "{text:?}");
+    assert!(
+        !(text[0].eq_ignore_ascii_case(&b'N') && text.get(1).is_some_and(u8::is_ascii_digit)),
+        "{text:?}"
+    );
 }

@@ -95,6 +95,35 @@ impl Move {
     }
 }
 
+/// Chords stand for arcs where only the place matters, mm.
+const CHORD_MM: f64 = 0.5;
+
+/// Most chords of one arc: a full turn of 800 mm radius at half a millimetre.
+const MAX_CHORDS: f64 = 10_000.0;
+
+impl Move {
+    /// The path in the XY plane as straight pieces: one for a line, chords of about
+    /// half a millimetre for an arc.
+    pub fn chords(&self, mut piece: impl FnMut([f64; 2], [f64; 2])) {
+        let flat = |p: [f64; 3]| [p[0], p[1]];
+        let Some(arc) = self.arc else { return piece(flat(self.from), flat(self.to)) };
+        let (radius, sweep) = (arc.radius(self.from), arc.sweep(self.from, self.to));
+        let count = ((sweep * radius).abs() / CHORD_MM).ceil().clamp(1.0, MAX_CHORDS) as u32;
+        let first = (self.from[1] - arc.centre[1]).atan2(self.from[0] - arc.centre[0]);
+        let mut at = flat(self.from);
+        for k in 1..=count {
+            let angle = first + sweep * f64::from(k) / f64::from(count);
+            let to = if k == count {
+                flat(self.to)
+            } else {
+                [arc.centre[0] + radius * angle.cos(), arc.centre[1] + radius * angle.sin()]
+            };
+            piece(at, to);
+            at = to;
+        }
+    }
+}
+
 impl Arc {
     /// Radius at a point on the arc, mm.
     #[must_use]
