@@ -1,5 +1,5 @@
 ; HEADER_BLOCK_START
-; BambuStudio comments on a file of PrusaSlicer 2.5.0: marked anew, not sliced by BambuStudio
+; BambuStudio 01.09.05.51 (its comments only: sliced by PrusaSlicer 2.5.0 and marked anew)
 ; total layer number: 20
 ; HEADER_BLOCK_END
 
