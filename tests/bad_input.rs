@@ -99,6 +99,23 @@ fn garbage(len: usize) -> Vec<u8> {
     (0..len).map(next).collect()
 }
 
+/// Deposits of the demo job, counted by another program.
+const DEMO_DEPOSITS: usize = 10_237;
+
+#[test]
+fn the_oracle_sees_what_is_deposited() {
+    let straight = "M83\nG1 X1 Y1 F100\nG1 X5 Y1 E.2\nG1 X9 Y9\nG1 X9 Y5 E.2 ; E9\n";
+    let other_way = "M82\nG92 E7\nG1 X9 Y5\nG1 Y9 E7.2\nG1 E6\nG1 X5 Y1\nG1 E7.2\nG1 X1 E7.4\n";
+    same_deposits("the other way round", straight.as_bytes(), other_way.as_bytes());
+    for (old, new) in [("E.2 ;", "E.3 ;"), ("X9 Y5", "X9 Y6"), ("G1 X5 Y1 E.2", "G1 X5 Y1"), ("F100", "Z1")] {
+        let changed = straight.replacen(old, new, 1);
+        let told =
+            std::panic::catch_unwind(|| same_deposits("changed", straight.as_bytes(), changed.as_bytes()));
+        assert!(told.is_err(), "{new} went unseen");
+    }
+    assert_eq!(common::deposits(&corpus("demo.gcode")).len(), DEMO_DEPOSITS);
+}
+
 #[test]
 fn good_jobs_are_changed() {
     // Without these the other cases could pass by never doing anything.
