@@ -3,30 +3,43 @@
 //! A verb is an `Args` struct (clap) and `run(Args) -> anyhow::Result<ExitCode>`.
 //! Exit codes: 0 done; 1 the file or the printer is at fault (one clear line on
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
+mod files;
+mod post;
+mod progress;
+
 use clap::{Parser, Subcommand};
+use std::io::Write;
 use std::process::ExitCode;
 
-/// A daemon beside a 3D printer.
+/// A daemon beside a 3D printer: reorders infill, checks jobs, streams them without losing a line
 #[derive(Parser)]
-#[command(name = "outrigger", version, about, arg_required_else_help = true)]
+#[command(name = "outrigger", version, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
 }
 
 #[derive(Subcommand)]
-enum Verb {}
+enum Verb {
+    Post(post::PostArgs),
+}
 
 /// Runs the verb that the command line names.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let done: anyhow::Result<ExitCode> = match cli.verb {};
-    #[allow(unreachable_code)]
+    let done = match cli.verb {
+        Verb::Post(args) => post::run(&args),
+    };
     match done {
         Ok(code) => code,
-        Err(e) => {
-            eprintln!("outrigger: {e:#}");
+        Err(error) => {
+            eprintln!("outrigger: {error:#}");
             ExitCode::from(1)
         }
     }
+}
+
+/// Writes a line to standard output; a reader that has gone away is no error.
+fn say(text: &str) {
+    let _ = writeln!(std::io::stdout(), "{text}");
 }

@@ -4,7 +4,7 @@
 //! is limited so that the velocity changes by at most [`CORNER_MM_S`] at once
 //! (classic jerk), moves of filament alone stop at both ends.
 use super::layer::{Layer, Row, What};
-use outrigger_gcode::line::{Command, parse};
+use outrigger_gcode::line::{Command, Line, parse};
 use outrigger_gcode::state::{Kind, Move};
 
 /// Largest change of velocity at a corner, mm/s: Marlin's classic jerk of 8 to 10.
@@ -40,7 +40,11 @@ impl Default for Accelerations {
 impl Accelerations {
     /// Takes an `M204`, or Klipper's `SET_VELOCITY_LIMIT ACCEL=`; ignores other lines.
     pub fn learn(&mut self, bytes: &[u8]) {
-        let line = parse(bytes);
+        self.learn_line(&parse(bytes));
+    }
+
+    /// As [`Accelerations::learn`], of a line that is parsed already.
+    pub fn learn_line(&mut self, line: &Line<'_>) {
         match line.command {
             Command::Classic { letter: b'M', number: 204, .. } => {
                 for word in line.words.as_slice() {
@@ -97,6 +101,12 @@ struct Piece {
 const MAX_RUN: usize = 4_096;
 
 impl Clock {
+    /// At zero and at rest.
+    #[must_use]
+    pub fn new(accelerations: Accelerations) -> Clock {
+        Clock { accelerations, ..Clock::default() }
+    }
+
     /// Adds a move.
     pub fn add(&mut self, m: &Move, kind: Kind) {
         let speed_mm_s = if m.feed > 0.0 { m.feed / 60.0 } else { DEFAULT_MM_S }.max(SLOWEST_MM_S);
@@ -156,7 +166,7 @@ pub fn links_s(rows: &[Row], accelerations: Accelerations) -> f64 {
     let mut seconds = 0.0;
     for row in rows {
         let What::Move(m, kind) = row.what else { continue };
-        let mut clock = Clock { accelerations, ..Clock::default() };
+        let mut clock = Clock::new(accelerations);
         if kind != Kind::Deposit {
             clock.add(&m, kind);
             seconds += clock.rest();
