@@ -31,7 +31,7 @@ use outrigger_gcode::dialect::{Detection, Dialect, detect};
 use passes::Wishes;
 use report::Report;
 use section::Neighbours;
-use std::io::{BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use time::Accelerations;
 use verify::{Difference, Figures, Verifier};
@@ -47,6 +47,9 @@ const WAITING_LAYERS: usize = 1;
 
 /// Read and write buffers, bytes.
 const BUFFER_BYTES: usize = 256 << 10;
+
+/// A file that stays as it is is measured in pieces of this size, bytes.
+const MEASURED_BYTES: u64 = 1 << 20;
 
 /// The first bytes of binary G-code.
 pub const BINARY_MAGIC: &[u8] = b"GCDE";
@@ -179,13 +182,18 @@ fn measured_only(
     let mut bytes = Vec::new();
     loop {
         bytes.clear();
-        let limit = annotate::MAX_LINE_BYTES as u64;
-        let read = std::io::BufRead::read_until(&mut (&mut reader).take(limit), b'\n', &mut bytes);
-        if read.map_err(Failure::Read)? == 0 {
-            break;
+        (&mut reader).take(MEASURED_BYTES).read_to_end(&mut bytes).map_err(Failure::Read)?;
+        let full = bytes.len() as u64 == MEASURED_BYTES;
+        if full {
+            // On to the end of the line, if it is one.
+            let limit = annotate::MAX_LINE_BYTES as u64;
+            (&mut reader).take(limit).read_until(b'\n', &mut bytes).map_err(Failure::Read)?;
         }
         // The same bytes on both sides cannot differ.
         let _ = verifier.layer(0, &bytes, None);
+        if !full {
+            break;
+        }
     }
     if let Ok(figures) = verifier.finish(0) {
         report.put(&figures);

@@ -24,6 +24,26 @@ pub struct Tour {
     pub breaks: Vec<u32>,
 }
 
+/// What a tour must stay below to be of interest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit {
+    /// It must beat this.
+    pub cost: Cost,
+    /// And travel no further than this, mm.
+    pub travel_mm: f64,
+}
+
+impl Limit {
+    /// Every tour is of interest.
+    pub const NONE: Limit = Limit { cost: Cost::WORST, travel_mm: f64::INFINITY };
+
+    /// Whether a cost is within it.
+    #[must_use]
+    pub fn admits(self, cost: Cost) -> bool {
+        cost.beats(self.cost) && cost.travel_mm <= self.travel_mm
+    }
+}
+
 /// Beads not yet printed, as two columns of coordinates a bead end, so that the
 /// search for the nearest is a plain sweep that the compiler can vectorise.
 struct Left {
@@ -82,9 +102,9 @@ fn point_of(end: u32, beads: &[Bead]) -> Point {
 }
 
 /// Visits every bead, each time the nearest. Stops early and gives `None` as soon
-/// as the cost is worse than `bound`.
+/// as the cost leaves the limit.
 #[must_use]
-pub fn nearest(beads: &[Bead], ends: Ends, start: Start, rule: &impl LiftRule, bound: Cost) -> Option<Tour> {
+pub fn nearest(beads: &[Bead], ends: Ends, start: Start, rule: &impl LiftRule, limit: Limit) -> Option<Tour> {
     let mut left = Left::new(beads);
     let mut slot_of: Vec<u32> = (0..2 * beads.len() as u32).collect();
     let mut tour = Tour { order: Vec::with_capacity(beads.len()), cost: Cost::ZERO, breaks: Vec::new() };
@@ -104,7 +124,7 @@ pub fn nearest(beads: &[Bead], ends: Ends, start: Start, rule: &impl LiftRule, b
             tour.cost.lifts += 1;
             tour.breaks.push(k);
         }
-        if !tour.cost.beats(bound) {
+        if !limit.admits(tour.cost) {
             return None;
         }
         at = visit.end(beads);
@@ -129,7 +149,7 @@ mod tests {
     fn zig_zag_lines_are_printed_in_turn() {
         let beads: Vec<Bead> =
             (0..4).map(|k| Bead { ends: [[0.0, f64::from(k)], [9.0, f64::from(k)]] }).collect();
-        let tour = nearest(&beads, ends([0.0, 0.0]), Start::Entry, &Longer(1.5), Cost::WORST).unwrap();
+        let tour = nearest(&beads, ends([0.0, 0.0]), Start::Entry, &Longer(1.5), Limit::NONE).unwrap();
         let order: Vec<_> = tour.order.iter().map(|v| (v.bead, v.reversed)).collect();
         assert_eq!(order, [(0, false), (1, true), (2, false), (3, true)]);
         assert_eq!(tour.cost, Cost { lifts: 0, travel_mm: 3.0 });
@@ -137,16 +157,21 @@ mod tests {
     }
 
     #[test]
-    fn stops_when_worse_than_the_bound() {
+    fn stops_at_the_limit() {
         let beads = [Bead { ends: [[10.0, 0.0], [11.0, 0.0]] }];
-        let bound = Cost { lifts: 0, travel_mm: 5.0 };
-        assert_eq!(nearest(&beads, ends([0.0, 0.0]), Start::Entry, &Longer(100.0), bound), None);
+        let check = |limit: Limit, stops: bool| {
+            let tour = nearest(&beads, ends([0.0, 0.0]), Start::Entry, &Longer(100.0), limit);
+            assert_eq!(tour.is_none(), stops, "{limit:?}");
+        };
+        check(Limit { cost: Cost { lifts: 0, travel_mm: 5.0 }, ..Limit::NONE }, true);
+        check(Limit { travel_mm: 5.0, ..Limit::NONE }, true);
+        check(Limit { travel_mm: 10.0, ..Limit::NONE }, false);
     }
 
     proptest! {
         #[test]
         fn each_step_is_to_the_nearest(beads in beads(1..30), entry in point()) {
-            let tour = nearest(&beads, ends(entry), Start::Entry, &Longer(3.0), Cost::WORST).unwrap();
+            let tour = nearest(&beads, ends(entry), Start::Entry, &Longer(3.0), Limit::NONE).unwrap();
             prop_assert!(is_whole(&tour.order, beads.len()));
             let mut at = entry;
             for (k, visit) in tour.order.iter().enumerate() {
