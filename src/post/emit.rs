@@ -5,7 +5,7 @@
 //! rate, settings, retraction), so that each line is written as it must be from
 //! there. What cannot be made is refused, and the caller goes another way.
 use super::layer::{Channel, Layer, Modes, Row, Span, What};
-use super::link::{Habits, Retraction, Sample, Travel, Wipe};
+use super::link::{Habits, Retraction, Sample, Travel, Wipe, is_regular};
 use super::rewrite::{Change, rewrite};
 use super::section::{BeadRows, is_link};
 use crate::toolpath::bead::{LiftRule, Point, distance_mm};
@@ -33,6 +33,8 @@ pub(super) enum Refusal {
     NoTravel,
     #[error("a command that may depend on the position comes before the next travel")]
     Anchored,
+    #[error("something between two beads moves that cannot be made anew")]
+    Irregular,
     #[error("the way over a barrier is not retracted and would need it")]
     Unretracted,
     #[error("the way over a barrier has no travel to lead elsewhere")]
@@ -237,6 +239,10 @@ impl<'a> Emitter<'a> {
         let What::Move(m, kind) = row.what else { return self.push(*row) };
         let at = self.cursor.position;
         let apart = distance_mm(self.at(), [m.from[0], m.from[1]]) > SAME_MM;
+        let e_fits = !self.cursor.absolute_e || self.cursor.e_in_step;
+        if !apart && e_fits && self.cursor.feed == m.feed && at[2] == m.from[2] {
+            return self.push(*row);
+        }
         let line = parse(self.layer.bytes(row.span));
         let has_feed = line.words.has(b'F');
         if !has_feed && self.cursor.feed != m.feed {
@@ -394,6 +400,9 @@ impl<'a> Emitter<'a> {
             self.copy_all(rows);
             Ok(())
         } else if layer.rows[rows.clone()].iter().all(|r| is_link(r.what)) {
+            if !is_regular(layer, &layer.rows[rows.clone()]) {
+                return Err(Refusal::Irregular);
+            }
             for row in &layer.rows[rows.clone()] {
                 if matches!(row.what, What::Quiet | What::Progress) {
                     self.push(*row);

@@ -116,6 +116,17 @@ enum Stage {
     Unretract,
 }
 
+/// Whether a link can be left out or made anew: nothing but travel, or a whole
+/// retraction around one. Filament moved for its own sake must stay where it is.
+pub(super) fn is_regular(layer: &Layer, rows: &[Row]) -> bool {
+    let moves = |row: &Row| match row.what {
+        What::Move(_, kind) => kind != Kind::Still,
+        What::Retract | What::Unretract => true,
+        _ => false,
+    };
+    !rows.iter().any(moves) || take_apart(layer, rows).is_some()
+}
+
 /// Takes a link apart; `None` where it is of a form that cannot be made anew
 /// (sloped hops, several tools' primes, travels at other heights).
 fn take_apart(layer: &Layer, rows: &[Row]) -> Option<Link> {

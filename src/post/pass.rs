@@ -18,7 +18,7 @@ pub trait Pass: Send {
 /// What a pass did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Sections that it could have changed: two beads or more.
+    /// Sections that it could have changed.
     pub sections: u64,
     /// Sections that it did change.
     pub changed: u64,

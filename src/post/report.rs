@@ -8,7 +8,7 @@ use serde::Serialize;
 pub struct Report {
     /// Layer marks.
     pub layers: u64,
-    /// Sections of two or more beads that might have been reordered.
+    /// Runs of infill beads that might have been reordered.
     pub sections: u64,
     /// Sections that were.
     pub sections_changed: u64,

@@ -6,6 +6,7 @@
 //! all along it (Cura's `SKIN`, PrusaSlicer's bottoms and Slic3r's `infill` hold
 //! parts that show or bridge: those keep their order and direction).
 use super::layer::{Layer, Modes, What};
+use super::link::is_regular;
 use crate::toolpath::bead::{Bead, Point};
 use crate::toolpath::cover::Cover;
 use outrigger_gcode::dialect::Feature;
@@ -120,7 +121,8 @@ pub(super) fn sections(layer: &Layer, beads: &[BeadRows]) -> Vec<Range<usize>> {
             let before = &beads[k - 1];
             let alike = (before.feature, before.tool, before.object, before.z)
                 == (bead.feature, bead.tool, bead.object, bead.z);
-            before.free && alike && layer.rows[before.last + 1..bead.first].iter().all(|r| is_link(r.what))
+            let between = &layer.rows[before.last + 1..bead.first];
+            before.free && alike && between.iter().all(|r| is_link(r.what)) && is_regular(layer, between)
         };
         match sections.last_mut().filter(|s| joined && s.end == k) {
             Some(section) => section.end = k + 1,
@@ -164,6 +166,8 @@ mod tests {
     fn beads_of_sparse_infill_are_one_section() {
         check(&layer("Internal infill", "G1 X9 E1\nG1 Y1\nG1 X0 E1\nG1 Y2\nG1 X9 E1\n"), &[0..3]);
         check(&layer("Internal infill", "G1 X9 E1\nG1 Y1\nM104 S200\nG1 X0 E1\n"), &[0..1, 1..2]);
+        check(&layer("Internal infill", "G1 X9 E1\nG1 E1\nG1 Y1\nG1 X0 E1\n"), &[0..1, 1..2]);
+        check(&layer("Internal infill", "G1 X9 E1\nG1 E-1\nG1 Y1\nG1 E1\nG1 X0 E1\n"), &[0..2]);
         check(&layer("Internal infill", "G1 X9 E1\nG1 Y1\nM73 P3\nG1 X0 E1\n"), &[0..2]);
         check(&layer("Perimeter", "G1 X9 E1\nG1 Y1\nG1 X0 E1\n"), &[]);
         check(&layer("Internal infill", "G1 X9 Z.3 E1\nG1 Y1\nG1 X0 E1\n"), &[1..2]);

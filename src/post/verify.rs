@@ -9,6 +9,7 @@
 //!   speed, acceleration, limits, pressure advance and fan; what is neither infill
 //!   nor gap fill in the file's order and direction too
 //! - every other line byte for byte, in order, after the same number of deposits
+//! - between deposits as much filament pulled back and pushed, for each retraction
 //! - no more deposits with the filament pulled back than the file has, none pulled
 //!   back deeper; no travel lower, further out or faster than the file's own
 //! - at the layer's end the same position, modes, settings and retraction
@@ -28,6 +29,9 @@ const E_MM: f64 = 1e-6;
 
 /// Filament of all segments together may differ by this, mm.
 const E_SUM_MM: f64 = 1e-3;
+
+/// Filament moved between the deposits of one layer may differ by this, mm.
+const PRIMED_MM: f64 = 1e-3;
 
 /// What differs, and where.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -63,6 +67,9 @@ pub enum What {
     /// Deposits while pulled back.
     #[error("{0} deposits would begin with the filament pulled back")]
     Retracted(u64),
+    /// Filament moved between deposits.
+    #[error("{0:+.5} mm of filament would be moved between the deposits")]
+    Primed(f64),
     /// Retraction depth.
     #[error("the filament would be pulled back {0:.5} mm, deeper than the file does")]
     Deeper(f64),
@@ -131,7 +138,9 @@ struct Reading {
     /// Deposits before it, and its hash.
     others: Vec<(u32, u64)>,
     lowest_travel: f64,
-    fastest_travel: f64,
+    /// Filament moved between deposits, mm: nothing, or each retraction's extra.
+    primed_mm: f64,
+    retractions: u64,
 }
 
 /// Reads one of the two files.
@@ -176,6 +185,7 @@ impl Side {
 
     fn read(&mut self, bytes: &[u8]) -> Reading {
         let mut reading = Reading { lowest_travel: f64::INFINITY, ..Reading::default() };
+        let retractions = self.measure.totals().retractions;
         for bytes in split_lines(bytes) {
             let line = parse(bytes);
             let mark = self.mark(&line);
@@ -217,6 +227,7 @@ impl Side {
             }
         }
         self.clock.rest();
+        reading.retractions = self.measure.totals().retractions - retractions;
         reading
     }
 
@@ -235,6 +246,9 @@ impl Side {
         let kind = m.kind();
         self.measure.add(m, kind, self.feature_name, self.machine.tool);
         self.clock.add(m, kind);
+        if kind != Kind::Deposit {
+            reading.primed_mm += m.e;
+        }
         if kind == Kind::Still || kind == Kind::Filament {
             return;
         }
@@ -437,6 +451,11 @@ impl Verifier {
         if old.others != new.others {
             return Err(What::Others(first_other(&old.others, &new.others, output)));
         }
+        let extra_mm = if old.retractions > 0 { old.primed_mm / old.retractions as f64 } else { 0.0 };
+        let due_mm = old.primed_mm + extra_mm * (new.retractions as f64 - old.retractions as f64);
+        if (new.primed_mm - due_mm).abs() > PRIMED_MM {
+            return Err(What::Primed(new.primed_mm - due_mm));
+        }
         let (before, after) = (&self.before, &self.after);
         if after.measure.retracted_deposits > before.measure.retracted_deposits {
             return Err(What::Retracted(after.measure.retracted_deposits));
@@ -485,12 +504,15 @@ impl Verifier {
             feature,
             Feature::Infill | Feature::GapFill | Feature::SolidInfill | Feature::Skin | Feature::AnyInfill
         );
-        let mut a = old.segments[range.clone()].to_vec();
-        let mut b = new.segments[range].to_vec();
-        if free {
-            a.sort_by_key(Segment::key);
-            b.sort_by_key(Segment::key);
-        }
+        let (a, b) = (&old.segments[range.clone()], &new.segments[range]);
+        // Sorted, infill printed in any order is the same; most of it was not touched at all.
+        let sorted = |segments: &[Segment]| {
+            let mut segments = segments.to_vec();
+            segments.sort_unstable_by_key(Segment::key);
+            segments
+        };
+        let touched = free && a.iter().zip(b).any(|(a, b)| a.key() != b.key());
+        let (a, b) = if touched { (sorted(a), sorted(b)) } else { (a.to_vec(), b.to_vec()) };
         for (a, b) in a.iter().zip(&b) {
             let alike = a.place == b.place
                 && a.arc == b.arc
@@ -614,12 +636,18 @@ mod tests {
             ("G1 X10 E1", ";WIDTH:0.5\nG1 X10 E1", "other segments"),
             ("G1 X10 E1", ";TYPE:Perimeter\nG1 X10 E1", "another place"),
             ("G1 X10 E1", "M104 S0\nG1 X10 E1", "command or comment"),
-            ("G1 Y1 F9000", "G1 E-1\nG1 Y1 F9000", "pulled back"),
+            ("G1 Y1 F9000", "G1 E-1\nG1 Y1 F9000", "between the deposits"),
+            ("G1 Y1 F9000", "G1 E.01\nG1 Y1 F9000", "between the deposits"),
+            (
+                "G1 Y1 F9000\nG1 F1200\nG1 X0 E1\n",
+                "G1 E-1\nG1 Y1 F9000\nG1 F1200\nG1 X0 E1\nG1 E1\n",
+                "pulled back",
+            ),
             ("G1 Y1 F9000", "G1 Z.1\nG1 Y1 F9000\nG1 Z.2", "below the layer"),
             ("G1 Y1 F9000", "G1 Y30 F9000\nG1 Y1", "leave the bounds"),
             ("G1 Y1 F9000", "G1 Y1 F12000", "faster"),
             ("G1 X0 Y0 F9000\nM107", "G1 X0 Y.5 F9000\nM107", "the position"),
-            ("G1 X0 Y0 F9000\nM107", "G1 X0 Y0 F9000\nG1 E-1\nM107", "deeper"),
+            ("G1 X0 Y0 F9000\nM107", "G1 X0 Y0 F9000\nG1 E-1\nG1 E1\nM107", "deeper"),
             ("\nM107", "\nM106 S1", "a setting"),
             ("\nM107", "\nM107\nM82", "command or comment"),
         ];

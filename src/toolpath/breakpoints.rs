@@ -7,7 +7,7 @@
 //! decides, then the least travel, then the earlier candidate. Without a break
 //! there is nothing to restart, and the first pass stands (the paper's line 20).
 use super::bead::{Bead, Cost, Ends, LiftRule, Visit, cost};
-use super::nearest::{Limit, Start, Tour, nearest};
+use super::nearest::{Limit, Near, Start, Tour, nearest};
 
 /// Most bead visits that one section's restarts may cost. A restart visits every
 /// bead, so a section of 1,000 beads gets 40 restarts, of 100 beads 400: enough for
@@ -27,7 +27,8 @@ pub fn breakpoints(
     bound: Cost,
     most_mm: f64,
 ) -> Option<Tour> {
-    let first = nearest(beads, ends, Start::Entry, rule, Limit::NONE)?;
+    let near = Near::new(beads);
+    let first = nearest(beads, &near, ends, Start::Entry, rule, Limit::NONE)?;
     let starts = restarts(&first);
     let mut limit = Limit { cost: bound, travel_mm: most_mm };
     let mut best = None;
@@ -39,7 +40,7 @@ pub fn breakpoints(
     };
     take(first, &mut limit);
     for start in starts {
-        if let Some(tour) = nearest(beads, ends, Start::At(start), rule, limit) {
+        if let Some(tour) = nearest(beads, &near, ends, Start::At(start), rule, limit) {
             take(tour, &mut limit);
         }
     }
@@ -106,7 +107,7 @@ mod tests {
         let entry = Ends { entry: lines[29].ends[0], ..ends(entry, None) };
         // Consecutive lines near the poles are far apart along the rim.
         let rule = Longer(8.0);
-        let first = nearest(&lines, entry, Start::Entry, &rule, Limit::NONE).unwrap();
+        let first = nearest(&lines, &Near::new(&lines), entry, Start::Entry, &rule, Limit::NONE).unwrap();
         assert_eq!(first.cost.lifts, 1);
         let best = breakpoints(&lines, entry, &rule, Cost::WORST, f64::INFINITY).unwrap();
         assert_eq!(best.cost.lifts, 0);
@@ -119,7 +120,7 @@ mod tests {
             let ends = ends(entry, exit);
             let sliced = as_sliced(beads.len());
             let own = cost(&sliced, &beads, ends, &rule);
-            let first = nearest(&beads, ends, Start::Entry, &rule, Limit::NONE).unwrap();
+            let first = nearest(&beads, &Near::new(&beads), ends, Start::Entry, &rule, Limit::NONE).unwrap();
             let best = breakpoints(&beads, ends, &rule, Cost::WORST, f64::INFINITY).unwrap();
             prop_assert!(!first.cost.beats(best.cost));
             prop_assert!(is_whole(&best.order, beads.len()));

@@ -84,7 +84,7 @@ impl Walls {
         }
         let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
         let cell = |v: f64, k: usize, n: usize| {
-            (((v - self.origin[k]) / self.bucket_mm).floor().max(0.0) as usize).min(n - 1)
+            (((v - self.origin[k]) / self.bucket_mm).max(0.0) as usize).min(n - 1)
         };
         let slope = if b[1] > a[1] { (b[0] - a[0]) / (b[1] - a[1]) } else { 0.0 };
         for row in cell(a[1], 1, self.rows)..=cell(b[1], 1, self.rows) {

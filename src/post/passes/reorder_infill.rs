@@ -20,6 +20,7 @@ use crate::toolpath::bead::{Bead, Ends, LiftRule, Point, Visit, as_sliced, dista
 use crate::toolpath::breakpoints::never_worse;
 use crate::toolpath::walls::Walls;
 use outrigger_gcode::state::{Kind, Move};
+use std::cell::RefCell;
 use std::ops::Range;
 
 /// Less travel gained than this is not worth a changed file, mm.
@@ -38,11 +39,38 @@ pub(super) struct ReorderInfill {
 struct Rule<'a> {
     walls: &'a Walls,
     free_within_mm: f64,
+    /// Answers given before: restarts ask for the same jumps over and over.
+    answers: RefCell<Vec<Option<Answer>>>,
 }
+
+/// A jump, and whether it crosses a wall.
+type Answer = ([Point; 2], bool);
+
+/// Answers kept; a power of two. 160 kB, so that they stay in a second-level cache.
+const ANSWERS: usize = 4_096;
 
 impl LiftRule for Rule<'_> {
     fn needs_lift(&self, from: Point, to: Point) -> bool {
-        distance_mm(from, to) > self.free_within_mm || self.walls.crosses(from, to)
+        distance_mm(from, to) > self.free_within_mm || self.crosses(from, to)
+    }
+}
+
+impl Rule<'_> {
+    fn crosses(&self, from: Point, to: Point) -> bool {
+        let mixed = [from, to]
+            .as_flattened()
+            .iter()
+            .fold(0u64, |hash, c| (hash.rotate_left(5) ^ c.to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let slot = (mixed >> 40) as usize % ANSWERS;
+        let mut answers = self.answers.borrow_mut();
+        match answers[slot] {
+            Some((jump, crosses)) if jump == [from, to] => crosses,
+            _ => {
+                let crosses = self.walls.crosses(from, to);
+                answers[slot] = Some(([from, to], crosses));
+                crosses
+            }
+        }
     }
 }
 
@@ -72,14 +100,14 @@ impl Pass for ReorderInfill {
         let mut work = Work {
             layer,
             beads: &beads,
-            rule: Rule { walls: &walls, free_within_mm },
+            rule: Rule { walls: &walls, free_within_mm, answers: RefCell::new(vec![None; ANSWERS]) },
             links: &mut self.links,
             emitter: Emitter::new(layer),
             next: 0,
             row: 0,
             changed: 0,
         };
-        self.tally.sections += sections.iter().filter(|s| s.len() > 1).count() as u64;
+        self.tally.sections += sections.len() as u64;
         let done = work.run(&sections);
         let changed = work.changed;
         if done.is_ok() && changed > 0 {
@@ -192,12 +220,12 @@ impl Work<'_> {
 
     fn section(&mut self, section: Range<usize>) -> Result<(), Refusal> {
         let exit_rows = self.exit_rows(&section);
-        self.learn(&section, &exit_rows);
         let own: Vec<Bead> = self.beads[section.clone()].iter().map(|b| b.bead).collect();
         let sliced = as_sliced(own.len());
         let (order, _) = never_worse(&sliced, &own, self.ends(&section, &exit_rows), &self.rule);
         let before = self.emitter.mark();
         if let Some(order) = order {
+            self.learn(&section, &exit_rows);
             let old = self.written(&section, &sliced, &exit_rows, &before);
             self.emitter.back_to(&before);
             let new = self.written(&section, &order, &exit_rows, &before);
