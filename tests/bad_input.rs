@@ -100,7 +100,7 @@ fn garbage(len: usize) -> Vec<u8> {
 }
 
 /// Deposits of the demo job, counted by another program.
-const DEMO_DEPOSITS: usize = 10_237;
+const DEMO_DEPOSITS: usize = 10_199;
 
 #[test]
 fn the_oracle_sees_what_is_deposited() {
