@@ -1,7 +1,8 @@
 //! `outrigger post` on files and folders that do not behave, through the real binary.
 //!
-//! A slicer's export must not fail by us: in place the exit is 0 and the file
-//! whole, old or new. With `-o` a fault is exit 1, and no half-written output.
+//! A slicer's export must not fail by us: once there is a file, the exit in place
+//! is 0 and the file whole, old or new. With `-o` a fault is exit 1, and no
+//! half-written output.
 #![cfg(unix)]
 mod common;
 
@@ -19,16 +20,16 @@ fn mode(path: &Path) -> u32 {
     fs::metadata(path).expect("the file is there").permissions().mode() & 0o7777
 }
 
-/// A fault that `-o` reports: exit 1, words on stderr, and no output.
+/// A fault of the file: exit 1, words on stderr, and nothing written, in place and with `-o`.
 #[track_caller]
 fn fails(folder: &Path, input: &str) {
     let before = names(folder);
     let run = outrigger_after(folder, ":", &["post", input, "-o", "out.gcode"]);
     run.ends(1).says(input);
     assert_eq!(names(folder), before, "{input}");
-    // The hook's contract holds for what is no file, too.
+    // No slicer calls its hook so: there is no export to fail.
     let run = outrigger_after(folder, ":", &["post", input]);
-    run.ends(0).says(input);
+    run.ends(1).says(input);
     assert_eq!(names(folder), before, "{input}");
 }
 

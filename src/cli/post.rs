@@ -71,8 +71,14 @@ pub fn run(args: &PostArgs) -> anyhow::Result<ExitCode> {
     } else if !args.quiet {
         super::say(&summary(&report));
     }
-    if let Some(to) = &args.report {
-        write_report(&report, to)?;
+    if let Some(to) = &args.report
+        && let Err(error) = write_report(&report, to)
+    {
+        if args.output.is_some() {
+            return Err(error);
+        }
+        // The job is whole; the export must not fail for want of a report.
+        eprintln!("outrigger: {error:#}");
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -106,7 +106,8 @@ pub(crate) fn deposits(job: &[u8]) -> Vec<Deposit> {
             (b'M', 82.0) => relative_e = false,
             (b'M', 83.0) => relative_e = true,
             (b'G', 92.0) => e = word(&words, b'E').unwrap_or(e),
-            (b'G', 0.0 | 1.0) => {
+            // Arcs by their ends: a pass may walk one from the other end, and no more.
+            (b'G', 0.0 | 1.0 | 2.0 | 3.0) => {
                 let mut to = at;
                 for (axis, letter) in b"XYZ".iter().enumerate() {
                     if let Some(mm) = word(&words, *letter) {
@@ -116,7 +117,7 @@ pub(crate) fn deposits(job: &[u8]) -> Vec<Deposit> {
                 }
                 let push = word(&words, b'E').map_or(0.0, |v| if relative_e { v } else { v - e });
                 e = if relative_e { e } else { e + push };
-                if push > 0.0 && to != at {
+                if push > 0.0 && (to != at || number >= 2.0) {
                     found.push((at.min(to), at.max(to), push));
                 }
                 at = to;
