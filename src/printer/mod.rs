@@ -9,5 +9,6 @@
 //! knows no profile, no command line and no terminal.
 pub mod lines;
 pub mod reply;
+pub mod session;
 pub mod temperature;
 pub mod window;
