@@ -122,7 +122,10 @@ impl Firmware {
             .map(|b| char::from(*b))
             .take_while(char::is_ascii_digit)
             .collect();
-        if digits.parse() != Ok(sum) {
+        // Two lines that a damaged line feed has made one pass the check of real
+        // firmware once in 256 times, whatever the sender does. Not here: the
+        // subject is the sender.
+        if digits.parse() != Ok(sum) || command.contains('*') {
             return self.refuse("checksum mismatch");
         }
         self.last = m110.unwrap_or(n);
@@ -179,15 +182,26 @@ const QUIET: Noise = Noise {
 };
 
 /// A small generator, so that a run depends on its seed alone.
-struct Dice(u64);
+struct Dice {
+    state: u64,
+    hits: u32,
+}
 
 impl Dice {
+    /// Whether this line is hit. Noise never lasts longer than the retries do:
+    /// five losses in a row rightly end a job.
+    fn hits(&mut self, of_thousand: u64) -> bool {
+        let hit = self.roll(1000) < of_thousand && self.hits < 3;
+        self.hits = if hit { self.hits + 1 } else { 0 };
+        hit
+    }
+
     fn roll(&mut self, below: u64) -> u64 {
-        self.0 = self
-            .0
+        self.state = self
+            .state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % below
+        (self.state >> 33) % below
     }
 
     /// One byte of the line becomes another, vanishes or is doubled.
@@ -226,7 +240,10 @@ fn print(
     };
     let mut session = Session::new(settings, 0);
     let mut firmware = Firmware::new(habits);
-    let mut dice = Dice(seed);
+    let mut dice = Dice {
+        state: seed,
+        hits: 0,
+    };
     let (mut fed, mut events, mut outcome) = (0, Vec::new(), None);
     let mut now_ms = 0;
     while outcome.is_none() && now_ms < 24 * 3_600_000 {
@@ -235,17 +252,17 @@ fn print(
         session.written(out.len());
         for line in out.split_inclusive(|b| *b == b'\n') {
             let mut line = line.to_vec();
-            if dice.roll(1000) < noise.damage_out {
+            if dice.hits(noise.damage_out) {
                 dice.damage(&mut line);
             }
             firmware.receive(&line);
         }
         for reply in firmware.step(now_ms) {
             let mut line = format!("{reply}\n").into_bytes();
-            if dice.roll(1000) < noise.lose_in {
-                continue;
-            }
-            if dice.roll(1000) < noise.damage_in {
+            if dice.hits(noise.lose_in + noise.damage_in) {
+                if dice.roll(noise.lose_in + noise.damage_in) < noise.lose_in {
+                    continue;
+                }
                 dice.damage(&mut line);
             }
             let cut = dice.roll(line.len() as u64 + 1) as usize;
@@ -347,7 +364,7 @@ fn a_lost_ok_costs_seconds_not_the_job() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
     /// The sentence that matters: whatever the wire does, every line is accepted
     /// exactly once and in order.
@@ -367,6 +384,9 @@ proptest! {
         let noise = Noise { damage_out, damage_in, lose_in };
         let run = print(habits, limit, 300, noise, seed);
         prop_assert_eq!(run.outcome, Some(Outcome::Finished), "{:?}", run.events.iter().rev().take(30).collect::<Vec<_>>());
-        prop_assert_eq!(run.accepted, job(300));
+        let job = job(300);
+        let differs = run.accepted.iter().zip(&job).find(|(a, b)| a != b);
+        prop_assert_eq!(differs, None);
+        prop_assert_eq!(run.accepted.len(), job.len());
     }
 }
