@@ -6,6 +6,8 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
+pub mod profile;
+
 /// A daemon beside a 3D printer.
 #[derive(Parser)]
 #[command(name = "outrigger", version, about, arg_required_else_help = true)]
@@ -15,13 +17,16 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
-enum Verb {}
+enum Verb {
+    Profile(profile::Args),
+}
 
 /// Runs the verb that the command line names.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let done: anyhow::Result<ExitCode> = match cli.verb {};
-    #[allow(unreachable_code)]
+    let done: anyhow::Result<ExitCode> = match cli.verb {
+        Verb::Profile(args) => profile::run(args),
+    };
     match done {
         Ok(code) => code,
         Err(e) => {
