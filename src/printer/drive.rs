@@ -27,8 +27,12 @@ pub struct JobLine<'a> {
 
 /// Where the lines of a job come from.
 pub trait Source {
-    /// The next line; `None` after the last. An error ends the job, safely.
-    fn next_line(&mut self) -> Result<Option<JobLine<'_>>, SourceError>;
+    /// Goes to the next line; `false` after the last. An error ends the job,
+    /// safely.
+    fn advance(&mut self) -> Result<bool, SourceError>;
+
+    /// The line where [`Source::advance`] stopped.
+    fn line(&self) -> JobLine<'_>;
 }
 
 /// A job that cannot be read on.
@@ -107,9 +111,12 @@ fn feed(session: &mut Session, source: &mut impl Source, started: Instant) {
     }
     let now_ms = now_ms(started);
     while session.wants_line() {
-        match source.next_line() {
-            Ok(Some(line)) => session.feed(line.command, line.number, now_ms),
-            Ok(None) => session.finish_job(now_ms),
+        match source.advance() {
+            Ok(true) => {
+                let line = source.line();
+                session.feed(line.command, line.number, now_ms);
+            }
+            Ok(false) => session.finish_job(now_ms),
             Err(e) => session.source_failed(e.line, e.reason, now_ms),
         }
     }

@@ -154,7 +154,8 @@ pub struct Reader<R, F> {
     lines: Lines<R>,
     each: F,
     scratch: Vec<u8>,
-    /// Bytes that the check saw: fewer now means that the file was cut since.
+    command: Vec<u8>,
+    /// What the check saw. Fewer bytes now mean that the file was cut since.
     expected: Checked,
 }
 
@@ -166,38 +167,57 @@ impl<R: Read, F: FnMut(u64, &[u8])> Reader<R, F> {
             lines: Lines::new(file),
             each,
             scratch: Vec::new(),
+            command: Vec::new(),
             expected,
         }
     }
 }
 
 impl<R: Read, F: FnMut(u64, &[u8])> Source for Reader<R, F> {
-    fn next_line(&mut self) -> Result<Option<JobLine<'_>>, SourceError> {
+    fn advance(&mut self) -> Result<bool, SourceError> {
         loop {
-            let error = |line, reason: String| Err(SourceError { line, reason });
-            // Two borrows in turn: whether there is a command, then the command.
-            let found = match self.lines.next_line() {
+            let read = match self.lines.next_line() {
                 Ok(Some((number, line))) => {
                     (self.each)(number, line);
-                    sendable(line, &mut self.scratch).is_some()
+                    sendable(line, &mut self.scratch).map(|command| {
+                        self.command.clear();
+                        self.command.extend_from_slice(command);
+                    })
                 }
-                Ok(None) if self.lines.bytes < self.expected.bytes => {
-                    let reason = "the file has become shorter since it was checked".to_owned();
-                    return error(self.lines.number, reason);
-                }
-                Ok(None) => return Ok(None),
-                Err(e) => return error(self.lines.number, e.to_string()),
+                Ok(None) => return self.end().map(|()| false),
+                Err(e) => return Err(self.error(e.to_string())),
             };
             // What was appended since the check was not checked.
             if self.lines.number > self.expected.lines {
-                return Ok(None);
+                return Ok(false);
             }
-            if found {
-                let number = self.lines.number;
-                let line = &self.lines.current;
-                let command = sendable(line, &mut self.scratch).unwrap_or_default();
-                return Ok(Some(JobLine { command, number }));
+            if read.is_some() {
+                return Ok(true);
             }
+        }
+    }
+
+    fn line(&self) -> JobLine<'_> {
+        JobLine {
+            command: &self.command,
+            number: self.lines.number,
+        }
+    }
+}
+
+impl<R, F> Reader<R, F> {
+    fn end(&self) -> Result<(), SourceError> {
+        if self.lines.bytes < self.expected.bytes {
+            let reason = "the file has become shorter since it was checked";
+            return Err(self.error(reason.to_owned()));
+        }
+        Ok(())
+    }
+
+    fn error(&self, reason: String) -> SourceError {
+        SourceError {
+            line: self.lines.number,
+            reason,
         }
     }
 }
@@ -319,7 +339,8 @@ mod tests {
     fn read_all(bytes: &[u8], expected: Checked) -> Result<Vec<(u64, String)>, SourceError> {
         let mut reader = Reader::new(bytes, expected, |_, _| {});
         let mut got = Vec::new();
-        while let Some(line) = reader.next_line()? {
+        while reader.advance()? {
+            let line = reader.line();
             let text = String::from_utf8_lossy(line.command).into_owned();
             got.push((line.number, text));
         }
@@ -337,7 +358,10 @@ mod tests {
             assert_eq!(got, expect);
         };
         check_file("G28\nG1 X1\n", &[(1, "G28"), (2, "G1 X1")]);
-        check_file("; a\r\n\r\nG28 ; home\r\nG1 X1", &[(3, "G28"), (4, "G1 X1")]);
+        check_file(
+            "; a\r\n\r\nG28 ; home\r\nG1 X1",
+            &[(3, "G28"), (4, "G1 X1")],
+        );
         check_file("\u{feff}G28\n", &[(1, "G28")]);
         check_file("N5 G28*99\n\nN6 G1 X1*3\n", &[(1, "G28"), (3, "G1 X1")]);
         let comment = format!("G28 ;{}\nG1 X1\n", "x".repeat(300_000));

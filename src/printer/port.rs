@@ -104,11 +104,7 @@ impl Port {
     /// more bytes may still have much to say.
     ///
     /// Nothing is lost when the returned future is dropped.
-    pub async fn exchange(
-        &mut self,
-        input: &mut [u8],
-        output: &[u8],
-    ) -> Result<Moved, PortError> {
+    pub async fn exchange(&mut self, input: &mut [u8], output: &[u8]) -> Result<Moved, PortError> {
         let stream = &mut self.stream;
         let moved = poll_fn(|cx| {
             if !output.is_empty()
