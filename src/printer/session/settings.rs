@@ -66,6 +66,10 @@ pub(super) const PROBE_AFTER_MS: u64 = 3_000;
 /// notes heats a large bed for that long.
 pub(super) const LONG_COMMAND_MS: u64 = 10 * 60_000;
 
+/// Patience with them where busy notes come every 2 s but have ceased. Waits for
+/// heat are not among them: Marlin reports temperatures then and is not busy.
+pub(super) const KEPT_ALIVE_MS: u64 = 30_000;
+
 /// Timeouts in a row (3, 6, 12, 24 and 48 s) that end the job.
 pub(super) const MAX_TIMEOUTS: u32 = 5;
 

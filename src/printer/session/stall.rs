@@ -23,6 +23,8 @@ pub(super) struct Stall {
     /// Probes in a row that brought exactly one `ok`, at once.
     single_answers: u32,
     last_busy_ms: Option<u64>,
+    /// Whether the printer ever said that it is busy.
+    keeps_alive: bool,
     /// Longest time between two busy notes in a row.
     busy_gap_ms: u64,
 }
@@ -37,6 +39,7 @@ impl Stall {
             prompt: false,
             single_answers: 0,
             last_busy_ms: None,
+            keeps_alive: false,
             busy_gap_ms: 0,
         }
     }
@@ -65,6 +68,7 @@ impl Stall {
         if let Some(last_ms) = self.last_busy_ms.replace(now_ms) {
             self.busy_gap_ms = now_ms.saturating_sub(last_ms).min(LONG_COMMAND_MS);
         }
+        self.keeps_alive = true;
         self.progress_ms = now_ms;
         // A probe that waits in the queue of a busy printer needs no second.
         self.timeouts = self.timeouts.min(1);
@@ -86,6 +90,8 @@ impl Stall {
             // queue, and finds a lost `ok` even of G28.
             (0, _) => PROBE_AFTER_MS,
             (_, Kind::User) => return None,
+            // A firmware that says when it is busy says so during these.
+            (_, Kind::Long) if self.keeps_alive => KEPT_ALIVE_MS,
             (_, Kind::Long | Kind::Heat) => LONG_COMMAND_MS,
             (n, _) => PROBE_AFTER_MS << n.min(MAX_TIMEOUTS),
         };
