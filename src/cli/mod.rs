@@ -6,6 +6,7 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
+pub mod mock;
 pub mod profile;
 
 /// A daemon beside a 3D printer.
@@ -18,6 +19,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
+    Mock(mock::Args),
     Profile(profile::Args),
 }
 
@@ -25,6 +27,7 @@ enum Verb {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let done: anyhow::Result<ExitCode> = match cli.verb {
+        Verb::Mock(args) => mock::run(args),
         Verb::Profile(args) => profile::run(args),
     };
     match done {

@@ -1,0 +1,2 @@
+//! The printer: the mock one.
+pub mod mock;
