@@ -6,6 +6,7 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
+pub mod mock;
 pub(crate) mod print;
 pub mod profile;
 
@@ -19,6 +20,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
+    Mock(mock::Args),
     Print(print::Args),
     Profile(profile::Args),
 }
@@ -27,6 +29,7 @@ enum Verb {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let done: anyhow::Result<ExitCode> = match cli.verb {
+        Verb::Mock(args) => mock::run(args),
         Verb::Print(args) => print::run(args),
         Verb::Profile(args) => profile::run(args),
     };
