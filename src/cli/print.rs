@@ -9,6 +9,7 @@ mod show;
 
 use crate::printer::drive::{JobLine, Source, SourceError, drive};
 use crate::printer::job_file::{Checked, Reader, check};
+use crate::printer::mock;
 use crate::printer::port::Port;
 use crate::printer::session::{DEFAULT_BOOT_WAIT_MS, Ending, Outcome, Safety, Session, Settings};
 use crate::printer::window::Limit;
@@ -46,8 +47,9 @@ const NO_RESET_WAIT_MS: u64 = 300;
 pub(crate) struct Args {
     /// The G-code file.
     file: PathBuf,
-    /// The printer's serial port, such as /dev/ttyUSB0.
-    #[arg(long, value_name = "DEV")]
+    /// The printer's serial port, such as /dev/ttyUSB0; `mock` prints to a mock
+    /// printer that is started for it.
+    #[arg(long, value_name = "DEV|mock")]
     port: String,
     /// Bits per second; the profile's if not given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -58,6 +60,9 @@ pub(crate) struct Args {
     /// Do not send the profile's start and end macros around the file.
     #[arg(long)]
     no_macros: bool,
+    /// With `--port mock`: how many times faster than life it is.
+    #[arg(long, value_name = "K", default_value_t = 10.0, value_parser = super::mock::speed)]
+    mock_speed: f64,
     /// Show every note of the printer, resend and probe.
     #[arg(long, short)]
     verbose: bool,
@@ -210,7 +215,12 @@ async fn print(
     job.rewind()
         .with_context(|| args.file.display().to_string())?;
     let baud = args.baud.unwrap_or(profile.serial.baud);
-    let mut port = Port::open(&args.port, baud)?;
+    let mock = start_mock(args, profile, baud)?;
+    let device = match &mock {
+        Some(mock) => mock.path().to_string_lossy().into_owned(),
+        None => args.port.clone(),
+    };
+    let mut port = Port::open(&device, baud)?;
     let marks = Rc::new(RefCell::new(Marks::default()));
     let read_marks = Rc::clone(&marks);
     let file = Reader::new(&job.file, job.checked, move |number, line: &[u8]| {
@@ -228,6 +238,24 @@ async fn print(
     };
     show.finish();
     verdict(&args.file, outcome, &show)
+}
+
+/// The printer behind `--port mock`: the profile's machine.
+fn start_mock(args: &Args, profile: &Profile, baud: u32) -> anyhow::Result<Option<mock::Handle>> {
+    if args.port != "mock" {
+        return Ok(None);
+    }
+    let config = mock::Config {
+        baud,
+        speed: args.mock_speed,
+        machine: super::mock::machine(profile),
+        ..mock::Config::default()
+    };
+    let options = mock::Options {
+        config,
+        ..mock::Options::default()
+    };
+    Ok(Some(mock::spawn(options)?))
 }
 
 /// Two futures: the first request to stop, and the second.
