@@ -248,6 +248,7 @@ fn start_mock(args: &Args, profile: &Profile, baud: u32) -> anyhow::Result<Optio
     let config = mock::Config {
         baud,
         speed: args.mock_speed,
+        dtr_reset: profile.serial.dtr_reset,
         machine: super::mock::machine(profile),
         ..mock::Config::default()
     };

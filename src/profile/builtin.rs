@@ -14,7 +14,8 @@ macro_rules! embed {
 }
 
 /// Name and text of each printer.
-pub(crate) const PRINTERS: &[(&str, &str)] = embed!("printers", ".toml", ["prusa-mk3s"]);
+pub(crate) const PRINTERS: &[(&str, &str)] =
+    embed!("printers", ".toml", ["generic-marlin", "prusa-mk3s"]);
 
 /// Name and text of each material.
 pub(crate) const MATERIALS: &[(&str, &str)] = embed!("materials", ".toml", ["pla"]);

@@ -28,6 +28,9 @@ const PACE_FRACTION: f64 = 0.02;
 /// …and how long it must have run.
 const PACE_S: f64 = 20.0;
 
+/// Unknown commands that are named; more would say no more.
+const MAX_UNKNOWN: usize = 20;
+
 /// The display.
 pub(super) struct Show {
     bar: Option<ProgressBar>,
@@ -44,6 +47,8 @@ pub(super) struct Show {
     resends: u64,
     probes: u64,
     last_busy: Option<Busy>,
+    /// First words of the commands that the printer did not know.
+    unknown: Vec<String>,
 }
 
 impl Show {
@@ -75,6 +80,7 @@ impl Show {
             resends: 0,
             probes: 0,
             last_busy: None,
+            unknown: Vec::new(),
         };
         if checked.shortened > 0 {
             let n = checked.shortened;
@@ -127,6 +133,19 @@ impl Show {
             parts.push(format!("{} left", duration(left_s)));
         }
         parts.join("  ")
+    }
+
+    /// A file for another firmware may hold thousands of one command: it is named
+    /// once.
+    fn unknown(&mut self, text: &str) {
+        let word = text.split_whitespace().next().unwrap_or_default();
+        let known = self.unknown.iter().any(|w| w == word);
+        if self.verbose || (!known && self.unknown.len() < MAX_UNKNOWN) {
+            self.say(&format!("printer: unknown command {}", printable(text)));
+        }
+        if !known && self.unknown.len() < MAX_UNKNOWN {
+            self.unknown.push(word.to_owned());
+        }
     }
 
     fn fraction(&self) -> f64 {
@@ -210,9 +229,7 @@ impl Watcher for Show {
                  the baud rate"
             )),
             Event::Action(text) => self.say(&format!("printer: action {}", printable(text))),
-            Event::UnknownCommand(text) => {
-                self.say(&format!("printer: unknown command {}", printable(text)));
-            }
+            Event::UnknownCommand(text) => self.unknown(text),
             Event::PrinterError(text) => {
                 // Refused lines are part of a resend.
                 if self.verbose || !text.contains("Last Line:") {
@@ -263,8 +280,11 @@ fn reading(name: &str, heater: Option<Reading>) -> Option<String> {
     })
 }
 
-/// `1 h 02 min`, `2 min 03 s`, `4 s`.
+/// `1 h 02 min`, `2 min 03 s`, `4.9 s`.
 fn duration(seconds: f64) -> String {
+    if (0.0..10.0).contains(&seconds) {
+        return format!("{seconds:.1} s");
+    }
     // A float cast saturates: no estimate is too wild.
     let s = seconds.max(0.0) as u64;
     match (s / 3600, s / 60 % 60, s % 60) {
@@ -281,7 +301,8 @@ mod tests {
     #[test]
     fn durations() {
         let check = |s, expect: &str| assert_eq!(duration(s), expect);
-        check(4.9, "4 s");
+        check(4.9, "4.9 s");
+        check(14.9, "14 s");
         check(123.0, "2 min 03 s");
         check(3720.0, "1 h 02 min");
         check(-5.0, "0 s");
