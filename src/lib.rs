@@ -2,4 +2,6 @@
 pub mod cli;
 pub mod post;
 pub mod printer;
+pub mod profile;
 pub mod toolpath;
+pub mod units;

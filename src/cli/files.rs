@@ -11,7 +11,7 @@ use tempfile::NamedTempFile;
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the temporary files of whatever is unfinished.
-pub fn remove_unfinished() {
+pub(super) fn remove_unfinished() {
     if let Ok(mut paths) = UNFINISHED.lock() {
         for path in paths.drain(..) {
             let _ = std::fs::remove_file(path);
@@ -23,7 +23,7 @@ pub fn remove_unfinished() {
 ///
 /// # Errors
 /// There is no such file.
-pub fn resolve(path: &Path) -> anyhow::Result<PathBuf> {
+pub(super) fn resolve(path: &Path) -> anyhow::Result<PathBuf> {
     path.canonicalize().with_context(|| format!("cannot open {}", path.display()))
 }
 
@@ -31,7 +31,7 @@ pub fn resolve(path: &Path) -> anyhow::Result<PathBuf> {
 ///
 /// # Errors
 /// It cannot be read, or is a directory or a device.
-pub fn open_regular(path: &Path) -> anyhow::Result<File> {
+pub(super) fn open_regular(path: &Path) -> anyhow::Result<File> {
     let meta = path.metadata().with_context(|| format!("cannot open {}", path.display()))?;
     anyhow::ensure!(meta.is_file(), "{} is no regular file; name a sliced job", path.display());
     File::open(path).with_context(|| format!("cannot open {}", path.display()))
@@ -39,7 +39,7 @@ pub fn open_regular(path: &Path) -> anyhow::Result<File> {
 
 /// What people know the file by: the slicer's temporary name says nothing, the
 /// one that it will have is in the environment.
-pub fn display_name(path: &Path) -> String {
+pub(super) fn display_name(path: &Path) -> String {
     match std::env::var_os("SLIC3R_PP_OUTPUT_NAME") {
         Some(name) if !name.is_empty() => name.to_string_lossy().into_owned(),
         _ => path.display().to_string(),
@@ -47,18 +47,18 @@ pub fn display_name(path: &Path) -> String {
 }
 
 /// A file as it was when it was opened.
-pub struct Seen {
+pub(super) struct Seen {
     device: u64,
     inode: u64,
     modified: (i64, i64),
     /// Bytes.
-    pub length: u64,
+    pub(super) length: u64,
 }
 
 impl Seen {
     /// # Errors
     /// The file's metadata cannot be read.
-    pub fn of(file: &File) -> anyhow::Result<Seen> {
+    pub(super) fn of(file: &File) -> anyhow::Result<Seen> {
         Ok(Seen::from(&file.metadata().context("cannot read the file's metadata")?))
     }
 
@@ -72,7 +72,7 @@ impl Seen {
     }
 
     /// Whether the path still names that file, and nobody has written to it.
-    pub fn still_holds(&self, file: &File, path: &Path) -> bool {
+    pub(super) fn still_holds(&self, file: &File, path: &Path) -> bool {
         let same = |meta: std::io::Result<Metadata>| {
             meta.is_ok_and(|m| {
                 let now = Seen::from(&m);
@@ -85,7 +85,7 @@ impl Seen {
 }
 
 /// A temporary file beside the one that it will replace.
-pub struct Replacement {
+pub(super) struct Replacement {
     temporary: NamedTempFile,
     target: PathBuf,
 }
@@ -101,7 +101,7 @@ impl Drop for Replacement {
 impl Replacement {
     /// # Errors
     /// The folder cannot be written to.
-    pub fn beside(target: &Path) -> anyhow::Result<Replacement> {
+    pub(super) fn beside(target: &Path) -> anyhow::Result<Replacement> {
         let folder = match target.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
@@ -117,7 +117,7 @@ impl Replacement {
     }
 
     /// The file to write to.
-    pub fn file(&mut self) -> &mut File {
+    pub(super) fn file(&mut self) -> &mut File {
         self.temporary.as_file_mut()
     }
 
@@ -125,7 +125,7 @@ impl Replacement {
     ///
     /// # Errors
     /// Reading or writing fails.
-    pub fn copy_of(mut self, source: &mut File) -> anyhow::Result<Replacement> {
+    pub(super) fn copy_of(mut self, source: &mut File) -> anyhow::Result<Replacement> {
         let file = self.temporary.as_file_mut();
         file.set_len(0).and_then(|()| file.seek(SeekFrom::Start(0))).context("cannot write")?;
         source.seek(SeekFrom::Start(0)).context("cannot read")?;
@@ -139,7 +139,7 @@ impl Replacement {
     ///
     /// # Errors
     /// The file stays as it was.
-    pub fn put(self, like: &File) -> anyhow::Result<()> {
+    pub(super) fn put(self, like: &File) -> anyhow::Result<()> {
         let meta = like.metadata().context("cannot read the file's metadata")?;
         let file = self.temporary.as_file();
         file.set_permissions(std::fs::Permissions::from_mode(meta.mode() & 0o7777))

@@ -4,14 +4,19 @@
 //! Exit codes: 0 done; 1 the file or the printer is at fault (one clear line on
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
 mod files;
+mod interrupt;
+mod mock;
 mod post;
+mod print;
+mod profile;
 mod progress;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
 use std::process::ExitCode;
 
-/// A daemon beside a 3D printer: reorders infill, checks jobs, streams them without losing a line
+/// A companion beside a 3D printer: reorders infill so that the head lifts least, proves
+/// that the job is still the same, and streams it without losing a line
 #[derive(Parser)]
 #[command(name = "outrigger", version, arg_required_else_help = true)]
 struct Cli {
@@ -21,7 +26,10 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
-    Post(post::PostArgs),
+    Post(post::Args),
+    Print(print::Args),
+    Mock(mock::Args),
+    Profile(profile::Args),
 }
 
 /// Runs the verb that the command line names.
@@ -29,6 +37,9 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.verb {
         Verb::Post(args) => post::run(&args),
+        Verb::Print(args) => print::run(args),
+        Verb::Mock(args) => mock::run(args),
+        Verb::Profile(args) => profile::run(args),
     };
     match done {
         Ok(code) => code,

@@ -4,13 +4,14 @@
 //! stays as it was and the exit status is 0, with the reason on stderr; a
 //! non-zero status would fail the slicer's whole export.
 use super::files::{self, Replacement};
+use super::interrupt::clean_up_on_signal;
 use super::progress;
 use crate::post::passes::Wishes;
 use crate::post::report::Report;
 use crate::post::time::Accelerations;
 use crate::post::{Failure, Options, post};
 use anyhow::Context;
-use clap::Args;
+use clap::Args as ClapArgs;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -25,8 +26,8 @@ use std::time::Instant;
 ///
 /// In PrusaSlicer, OrcaSlicer and SuperSlicer: Print settings, Output options,
 /// Post-processing scripts: /path/to/outrigger post
-#[derive(Args, Debug)]
-pub struct PostArgs {
+#[derive(ClapArgs, Debug)]
+pub struct Args {
     /// The job: G-code of PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura or Slic3r
     file: PathBuf,
     /// Write the result here and leave FILE alone
@@ -50,7 +51,8 @@ pub struct PostArgs {
 ///
 /// # Errors
 /// FILE cannot be read at all, or with `--output` OUT cannot be written.
-pub fn run(args: &PostArgs) -> anyhow::Result<ExitCode> {
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    clean_up_on_signal();
     let path = files::resolve(&args.file)?;
     let started = Instant::now();
     let mut input = files::open_regular(&path)?;
@@ -83,7 +85,7 @@ pub fn run(args: &PostArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn process(args: &PostArgs, input: &mut File, path: &Path, target: &Path) -> anyhow::Result<Report> {
+fn process(args: &Args, input: &mut File, path: &Path, target: &Path) -> anyhow::Result<Report> {
     let seen = files::Seen::of(input)?;
     let mut replacement = Replacement::beside(target)?;
     let accelerations =

@@ -1,0 +1,202 @@
+//! `outrigger mock`: the mock printer on a pseudo-terminal.
+use crate::printer::mock::{self, Config, Cornering, Dynamics, Faults, Machine, Options, Stats};
+use crate::profile::{self, Profile, printer};
+use anyhow::Context;
+use clap::Args as ClapArgs;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Between two looks at whether the mock's thread is still there.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// A mock printer: a strict Marlin on a pseudo-terminal, to try hosts on.
+///
+/// It checks line numbers and checksums as Marlin 2.1 does, loses bytes that
+/// do not fit its receive buffer, executes moves in time and warms up. Any
+/// host can open it; Ctrl-C ends it and removes the link.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Make this symbolic link to the pseudo-terminal.
+    #[arg(long, value_name = "PATH")]
+    link: Option<PathBuf>,
+    /// Write counts to this file as JSON, every second and at the end.
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+    /// Faults to happen at lines and times, as TOML (see --help-faults).
+    #[arg(long, value_name = "FILE.toml")]
+    faults: Option<PathBuf>,
+    /// Print what a faults file may say, and end.
+    #[arg(long)]
+    help_faults: bool,
+    /// Machine to imitate: speeds, accelerations, hottest temperatures, and
+    /// baud and DTR reset unless they are given.
+    #[arg(long, value_name = "NAME")]
+    profile: Option<String>,
+    /// Speed of the serial line, bits per second; 0 has no limit [default: 250000].
+    #[arg(long, value_name = "N")]
+    baud: Option<u32>,
+    /// How many times faster than life moves, heaters and pauses are.
+    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = speed)]
+    speed: f64,
+    /// Size of the receive buffer in bytes; what does not fit is lost.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(64..=4096))]
+    rx_bytes: u32,
+    /// Say the free places in each ok: `ok N1 P15 B3`.
+    #[arg(long)]
+    advanced_ok: bool,
+    /// Leave M108, M112 and M410 in the queue with everything else.
+    #[arg(long)]
+    no_emergency_parser: bool,
+    /// Reset the board when the port is opened, as many boards do.
+    #[arg(long)]
+    dtr_reset: bool,
+}
+
+/// Slower than a hundredth or faster than a hundred thousand times is a slip.
+pub(crate) fn speed(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(k) if (0.01..=100_000.0).contains(&k) => Ok(k),
+        _ => Err("a number from 0.01 to 100000".to_owned()),
+    }
+}
+
+/// Runs the verb until a signal ends it.
+///
+/// # Errors
+/// A profile or faults file that cannot be read, no pseudo-terminal, or a
+/// link or statistics file that cannot be written.
+pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+    if args.help_faults {
+        std::io::stdout()
+            .write_all(mock::faults::HELP.as_bytes())
+            .context("cannot write to standard output")?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let options = options(&args)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("cannot start the runtime")?;
+    let stats = runtime.block_on(async {
+        // Before the link is there: who sees it may already send the signal.
+        let mut interrupt = signal(SignalKind::interrupt())?;
+        let mut terminate = signal(SignalKind::terminate())?;
+        let mut hang_up = signal(SignalKind::hangup())?;
+        let handle = mock::spawn(options)?;
+        announce(&handle)?;
+        while handle.is_running() {
+            tokio::select! {
+                _ = interrupt.recv() => break,
+                _ = terminate.recv() => break,
+                _ = hang_up.recv() => break,
+                () = tokio::time::sleep(LOOK_EVERY) => {}
+            }
+        }
+        anyhow::Ok(handle.stop()?)
+    })?;
+    eprintln!("{}", summary(&stats));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn options(args: &Args) -> anyhow::Result<Options> {
+    let profile = args.profile.as_deref().map(profile::load_printer).transpose()?;
+    let faults = match &args.faults {
+        None => Faults::default(),
+        Some(file) => {
+            let text = std::fs::read_to_string(file).with_context(|| format!("{}", file.display()))?;
+            Faults::parse(&text).with_context(|| format!("{}", file.display()))?
+        }
+    };
+    let mut config = Config {
+        speed: args.speed,
+        rx_bytes: args.rx_bytes as usize,
+        advanced_ok: args.advanced_ok,
+        emergency_parser: !args.no_emergency_parser,
+        dtr_reset: args.dtr_reset,
+        ..Config::default()
+    };
+    if let Some(profile) = &profile {
+        config.machine = machine(profile);
+        config.baud = profile.serial.baud;
+        config.dtr_reset |= profile.serial.dtr_reset;
+    }
+    if let Some(baud) = args.baud {
+        config.baud = baud;
+    }
+    Ok(Options { link: args.link.clone(), stats: args.stats.clone(), faults, config })
+}
+
+/// The machine of a profile, as the mock wants it: plain numbers.
+pub(crate) fn machine(profile: &Profile) -> Machine {
+    let motion = &profile.motion;
+    let (feed, accel) = (motion.max_feed_mm_s, motion.max_accel_mm_s2);
+    let cornering = match motion.cornering {
+        printer::Cornering::JerkMmS(jerk) => Cornering::JerkMmS(jerk.0),
+        printer::Cornering::JunctionMm(deviation) => Cornering::JunctionMm(deviation.0),
+        // Klipper derives its junction deviation from the speed through a
+        // right angle: v²·(√2 − 1)/a.
+        printer::Cornering::SquareCornerMmS(v) => {
+            Cornering::JunctionMm(v.0 * v.0 * (std::f64::consts::SQRT_2 - 1.0) / motion.print_mm_s2.0)
+        }
+    };
+    Machine {
+        name: profile.title.clone(),
+        dynamics: Dynamics {
+            max_feed_mm_s: [feed.x.0, feed.y.0, feed.z.0, feed.e.0],
+            max_accel_mm_s2: [accel.x.0, accel.y.0, accel.z.0, accel.e.0],
+            print_mm_s2: motion.print_mm_s2.0,
+            travel_mm_s2: motion.travel_mm_s2.0,
+            retract_mm_s2: motion.retract_mm_s2.0,
+            cornering,
+        },
+        nozzle_max_c: profile.limits.nozzle_c.0,
+        bed_max_c: profile.limits.bed_c.0,
+    }
+}
+
+/// The path on standard output, alone on its line, for scripts that wait for it.
+fn announce(handle: &mock::Handle) -> anyhow::Result<()> {
+    let mut out = std::io::stdout();
+    writeln!(out, "{}", handle.path().display())
+        .and_then(|()| out.flush())
+        .context("cannot write to standard output")
+}
+
+fn summary(stats: &Stats) -> String {
+    format!(
+        "mock printer: {} lines, {} moves, {:.1} mm of filament in {:.1} s; \
+         {} resends, {} bytes lost, planner empty {:.1} % of the time",
+        stats.lines_accepted,
+        stats.moves,
+        stats.extruded_mm,
+        stats.real_s,
+        stats.resends_asked,
+        stats.overflow_bytes,
+        100.0 * stats.planner_empty_share
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_profiles_numbers_reach_the_machine() {
+        let profile = profile::load_printer("prusa-mk3s").unwrap();
+        let machine = machine(&profile);
+        assert_eq!(machine.dynamics.max_feed_mm_s, [200.0, 200.0, 12.0, 120.0]);
+        assert_eq!(machine.dynamics.cornering, Cornering::JerkMmS(8.0));
+        assert_eq!(machine.nozzle_max_c, 300.0);
+    }
+
+    #[test]
+    fn speeds_are_bounded() {
+        assert_eq!(speed("10"), Ok(10.0));
+        for wrong in ["0", "-1", "nan", "inf", "x", "1e9"] {
+            assert!(speed(wrong).is_err(), "{wrong}");
+        }
+    }
+}

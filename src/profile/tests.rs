@@ -1,0 +1,173 @@
+use super::*;
+use std::collections::BTreeSet;
+use std::io::Write;
+
+fn folder(name: &str) -> BTreeSet<String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("profiles").join(name);
+    std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+}
+
+#[test]
+fn every_file_of_the_folder_is_embedded_and_the_lists_are_sorted() {
+    for (name, list, ending) in [
+        ("printers", builtin::PRINTERS, ".toml"),
+        ("materials", builtin::MATERIALS, ".toml"),
+        ("macros", builtin::MACROS, ""),
+    ] {
+        let embedded: Vec<_> = list.iter().map(|(n, _)| format!("{n}{ending}")).collect();
+        assert!(embedded.is_sorted(), "{name}: {embedded:?}");
+        assert_eq!(embedded.into_iter().collect::<BTreeSet<_>>(), folder(name), "{name}");
+    }
+}
+
+#[test]
+fn every_built_in_profile_is_valid_and_named_as_its_file() {
+    for name in printer_names() {
+        let profile = load_printer(name).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(profile.name, name);
+        // Ours never move X or Y in a cancel: another object may be taller
+        // than where the nozzle is now.
+        for line in profile.macros.cancel.lines() {
+            let sideways = line.starts_with("G1") && line.contains(['X', 'Y']);
+            assert!(!sideways, "{name}: {line}");
+        }
+        let window = match profile.serial.window {
+            printer::Window::Bytes(n) => n >= 32,
+            printer::Window::Lines(n) => n >= 1,
+        };
+        assert!(window, "{name}");
+    }
+    for name in material_names() {
+        let material = load_material(name).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(material.name, name);
+    }
+}
+
+#[test]
+fn what_show_prints_is_the_same_profile() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in printer_names().chain(material_names()) {
+        let profile = load_any(name).unwrap();
+        let path = folder.path().join(format!("{name}.toml"));
+        std::fs::write(&path, explain::explain(&profile).unwrap()).unwrap();
+        let again = load_any(path.to_str().unwrap()).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(again, profile, "{name}");
+    }
+}
+
+/// The table of keys and the structs are two descriptions of one thing: every
+/// leaf of a full profile is a key, and every required key is a leaf or a table.
+#[test]
+fn keys_and_structs_agree() {
+    fn leaves(value: &toml::Value, path: &str, out: &mut BTreeSet<String>) {
+        match value {
+            toml::Value::Table(table) => {
+                for (name, value) in table {
+                    let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                    leaves(value, &path, out);
+                }
+            }
+            _ => {
+                out.insert(path.to_owned());
+            }
+        }
+    }
+    let documented = |table: &[keys::Key]| -> BTreeSet<String> {
+        table
+            .iter()
+            .filter(|k| !matches!(k.takes, keys::Takes::Table | keys::Takes::Choice))
+            .map(|k| k.path.to_owned())
+            .collect()
+    };
+    let mut printer = BTreeSet::new();
+    let mut full = load_printer("prusa-mk3s").unwrap();
+    for window in [printer::Window::Bytes(120), printer::Window::Lines(1)] {
+        full.serial.window = window;
+        leaves(&toml::Value::try_from(&full).unwrap(), "", &mut printer);
+    }
+    for cornering in [
+        printer::Cornering::JunctionMm(crate::units::Mm(0.013)),
+        printer::Cornering::SquareCornerMmS(crate::units::MmPerS(5.0)),
+    ] {
+        full.motion.cornering = cornering;
+        leaves(&toml::Value::try_from(&full).unwrap(), "", &mut printer);
+    }
+    assert_eq!(printer, documented(keys::PRINTER));
+    let mut material = BTreeSet::new();
+    let pla = load_material("pla").unwrap();
+    leaves(&toml::Value::try_from(&pla).unwrap(), "", &mut material);
+    assert_eq!(material, documented(keys::MATERIAL));
+}
+
+fn mk3s_with(from: &str, to: &str) -> String {
+    let text = builtin::PRINTERS.iter().find(|(name, _)| *name == "prusa-mk3s").unwrap().1;
+    assert!(text.contains(from));
+    text.replace(from, to)
+}
+
+/// A user's file with one thing changed, and what is said of it.
+fn check(from: &str, to: &str, expect: &str) {
+    let mut file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
+    file.write_all(mk3s_with(from, to).as_bytes()).unwrap();
+    let path = file.path().to_str().unwrap();
+    let said = match load_printer(path) {
+        Ok(_) => String::new(),
+        Err(e) => e.to_string(),
+    };
+    if expect.is_empty() {
+        assert_eq!(said, "", "{to:?}");
+    } else {
+        assert!(said.contains(expect), "{to:?}: {said}");
+        assert!(said.contains(path), "{said}");
+    }
+}
+
+#[test]
+fn a_users_file_is_told_what_where_and_the_way_out() {
+    check("nozzle_mm = 0.4", "nozzle_mm = 0.4 # mine", "");
+    check("dtr_reset", "dtr_rseet", "line 24: unknown key serial.dtr_rseet; did you mean serial.dtr_reset?");
+    check("nozzle_mm = 0.4", "nozzle_mm = 40", "line 10: nozzle_mm is 40, outside 0.05 to 3");
+    check("max_line = 95\n", "", "");
+    check("baud = 115200\n", "", "line 20: serial.baud is missing");
+    check("marlin-cancel.gcode", "cancel.gcode", "marlin-cancel.gcode");
+    check(
+        "{ file = \"marlin-cancel.gcode\" }",
+        "\"M104 S0\"",
+        "macros.cancel is not safe: it leaves the bed's heater on",
+    );
+    check("{ file = \"marlin-start.gcode\" }", "\"M117 a\\\\\\\\b\"", "macros.start cannot be sent");
+    check("{ bytes = 120 }", "{ bytes = 120, lines = 1 }", "exactly one of bytes, lines");
+    check("[bed]", "[bed", "line 13");
+}
+
+#[test]
+fn a_macro_beside_the_users_profile_comes_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    std::fs::write(&path, mk3s_with("marlin-cancel.gcode", "my-cancel.gcode")).unwrap();
+    std::fs::write(folder.path().join("my-cancel.gcode"), "M107\nTURN_OFF_HEATERS\n").unwrap();
+    let profile = load_printer(path.to_str().unwrap()).unwrap();
+    assert_eq!(profile.macros.cancel.lines().collect::<Vec<_>>(), ["M107", "TURN_OFF_HEATERS"]);
+}
+
+#[test]
+fn names_and_files_that_are_not_there() {
+    let say = |name: &str| load_printer(name).unwrap_err().to_string();
+    assert!(say("prusa-mk3").contains("did you mean prusa-mk3s?"));
+    assert!(say("zzz").contains("outrigger profile list"));
+    assert!(say("./none.toml").contains("./none.toml"));
+    assert!(say("/").contains("/"));
+    let big = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
+    big.as_file().set_len(FILE_BYTES_MAX + 1).unwrap();
+    assert!(say(big.path().to_str().unwrap()).contains("no profile"));
+}
+
+#[test]
+fn a_materials_ranges_are_in_order() {
+    let mut file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
+    let text = builtin::MATERIALS.iter().find(|(n, _)| *n == "pla").unwrap().1;
+    let text = text.replace("usual = 210", "usual = 250");
+    file.write_all(text.as_bytes()).unwrap();
+    let said = load_any(file.path().to_str().unwrap()).unwrap_err().to_string();
+    assert!(said.contains("min <= usual <= max"), "{said}");
+}
