@@ -18,7 +18,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// do not fit its receive buffer, executes moves in time and warms up. Any
 /// host can open it; Ctrl-C ends it and removes the link.
 #[derive(ClapArgs)]
-pub struct Args {
+pub(super) struct Args {
     /// Make this symbolic link to the pseudo-terminal.
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
@@ -68,7 +68,7 @@ pub(crate) fn speed(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A profile or faults file that cannot be read, no pseudo-terminal, or a
 /// link or statistics file that cannot be written.
-pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.help_faults {
         std::io::stdout()
             .write_all(mock::faults::HELP.as_bytes())

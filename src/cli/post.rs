@@ -27,7 +27,7 @@ use std::time::Instant;
 /// In PrusaSlicer, OrcaSlicer and SuperSlicer: Print settings, Output options,
 /// Post-processing scripts: /path/to/outrigger post
 #[derive(ClapArgs, Debug)]
-pub struct Args {
+pub(super) struct Args {
     /// The job: G-code of PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura or Slic3r
     file: PathBuf,
     /// Write the result here and leave FILE alone
@@ -51,7 +51,7 @@ pub struct Args {
 ///
 /// # Errors
 /// FILE cannot be read at all, or with `--output` OUT cannot be written.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     clean_up_on_signal();
     let path = files::resolve(&args.file)?;
     let started = Instant::now();

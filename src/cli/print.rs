@@ -44,7 +44,7 @@ const NO_RESET_WAIT_MS: u64 = 300;
 /// the profile's cancel macro (heaters off); a second Ctrl-C quits at once and
 /// leaves the printer as it is.
 #[derive(clap::Args)]
-pub(crate) struct Args {
+pub(super) struct Args {
     /// The G-code file.
     file: PathBuf,
     /// The printer's serial port, such as /dev/ttyUSB0; `mock` prints to a mock
@@ -69,7 +69,7 @@ pub(crate) struct Args {
 }
 
 /// Runs the verb. See [`Args`].
-pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     let profile = load_printer(&args.profile)?;
     let settings = settings(&profile);
     let job = Job::open(&args.file, settings.max_line).with_context(|| args.file.display().to_string())?;

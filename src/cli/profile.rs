@@ -11,7 +11,7 @@ use std::process::ExitCode;
 /// (`prusa-mk3s`, `petg`); your own is named by its path, which ends in .toml.
 /// To make one, start from the nearest: `outrigger profile show ender-3 > mine.toml`.
 #[derive(ClapArgs)]
-pub struct Args {
+pub(super) struct Args {
     #[command(subcommand)]
     verb: Verb,
 }
@@ -44,7 +44,7 @@ enum Verb {
 ///
 /// # Errors
 /// A profile that cannot be loaded, or an output that cannot be written.
-pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.verb {
         Verb::List { json } => list(json)?,
         Verb::Show { name, json } => show(&name, json)?,
