@@ -26,6 +26,9 @@ const MAX_COORDINATE_MM: f64 = 10_000.0;
 /// A bead's width where the file does not say it, mm: that of a 0.4 mm nozzle.
 const DEFAULT_WIDTH_MM: f64 = 0.45;
 
+/// After so many moves with E it shows whether E words are positions.
+const TELLING_MOVES: u64 = 200;
+
 /// Why a file is left alone.
 #[derive(Debug, thiserror::Error)]
 pub enum Unfit {
@@ -69,6 +72,18 @@ pub enum Unfit {
         /// Where it begins.
         byte: u64,
     },
+    /// E words that cannot be positions, as they are said to be.
+    #[error(
+        "by line {line} E went backwards in {wipes} of {moves} moves: E is not what M82 and M83 in the file say"
+    )]
+    Backwards {
+        /// Counted from 1.
+        line: u64,
+        /// Moves that pull filament back on their way.
+        wipes: u64,
+        /// Moves with E in all.
+        moves: u64,
+    },
     /// Lines that carry numbers and checksums already.
     #[error("line {line} carries a line number; numbered files are passed through")]
     Numbered {
@@ -100,6 +115,9 @@ pub struct Layers<R> {
     /// A layer mark was read, and no deposit since.
     marked: bool,
     first_z: Option<f64>,
+    /// XY moves that push filament, and that pull it back.
+    deposits: u64,
+    wipes: u64,
     /// The first deposit of the next layer, read already.
     held: Vec<u8>,
     done: bool,
@@ -119,6 +137,8 @@ impl<R: BufRead> Layers<R> {
             number: 0,
             marked: false,
             first_z: None,
+            deposits: 0,
+            wipes: 0,
             held: Vec::new(),
             done: false,
         }
@@ -232,6 +252,7 @@ impl<R: BufRead> Layers<R> {
         if self.machine.position.iter().any(|p| !p.is_finite() || p.abs() > MAX_COORDINATE_MM) {
             return Err(Unfit::Beyond { line: self.line, byte: self.byte - (text.len() - at) as u64 });
         }
+        self.refuse_backwards(effect)?;
         let mark = self.mark(&line)?;
         let mut state = *states.last().unwrap_or_else(|| unreachable!("a layer begins with a state"));
         let before = state;
@@ -290,7 +311,25 @@ impl<R: BufRead> Layers<R> {
         }
     }
 
+    /// A start macro may hide an `M83`: the file's E words are distances then, and
+    /// read as positions they go back and forth. Honest files wipe less than they print.
+    fn refuse_backwards(&mut self, effect: Effect) -> Result<(), Unfit> {
+        let Effect::Motion(m) = effect else { return Ok(()) };
+        match m.kind() {
+            Kind::Deposit => self.deposits += 1,
+            Kind::Wipe => self.wipes += 1,
+            _ => return Ok(()),
+        }
+        let moves = self.deposits + self.wipes;
+        let backwards = self.machine.e_is_absolute() && moves >= TELLING_MOVES && self.wipes * 3 > moves;
+        if backwards {
+            return Err(Unfit::Backwards { line: self.line, wipes: self.wipes, moves });
+        }
+        Ok(())
+    }
+
     fn learn_style(&mut self, line: &Line<'_>) {
+        self.style.crlf = line.ending == b"\r\n";
         for word in line.words.as_slice() {
             match word.letter {
                 b'X' | b'Y' | b'Z' | b'I' | b'J' => {
@@ -357,7 +396,7 @@ mod tests {
         assert_eq!(layers.iter().map(|l| l.number).collect::<Vec<_>>(), [0, 1, 2]);
         assert_eq!(layers.iter().map(|l| l.is_first).collect::<Vec<_>>(), [false, true, false]);
         assert_eq!(layers[1].end, layers[2].start);
-        assert_eq!(layers[2].style, Style { xyz_decimals: 1, e_decimals: 2, bare_point: true });
+        assert_eq!(layers[2].style, Style { xyz_decimals: 1, e_decimals: 2, bare_point: true, crlf: false });
         for layer in &layers {
             let mut out = Vec::new();
             layer.write(&mut out);
@@ -386,6 +425,8 @@ mod tests {
         check(&long, "line 1 (byte 0) is longer");
         check(b"G1 X1\nG1\0\n", "line 2 (byte 6) holds a zero byte");
         check(b"G1 X99999999\n", "line 1 (byte 0) moves beyond");
+        let hidden = (1..=150).map(|k| format!("G1 X{k} E.5\nG1 Y{k} E.25\n")).collect::<String>();
+        check(hidden.as_bytes(), "by line 200 E went backwards in 100 of 200 moves");
         check(b"N1 G1 X1*97\n", "line 1 carries a line number");
         check(b";LAYER_CHANGE\n;LAYER:3\n", "line 2 marks a layer as Cura");
         check(&b"G1 X1 ; padding padding padding\n".repeat(MAX_LAYER_BYTES / 32 + 1), "is larger than");

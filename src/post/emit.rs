@@ -144,7 +144,7 @@ impl<'a> Emitter<'a> {
         self.cursor.firmware_retracted || self.cursor.depth_mm > RETRACTED_MM
     }
 
-    fn bytes(&self, span: Span) -> &[u8] {
+    pub(super) fn bytes(&self, span: Span) -> &[u8] {
         let base = self.layer.text.len();
         match (span.start as usize).checked_sub(base) {
             Some(start) => &self.added[start..span.end as usize - base],
@@ -213,10 +213,11 @@ impl<'a> Emitter<'a> {
         }
         let at = self.cursor.position;
         let m = Move { from: at, to: at, e: 0.0, feed, arc: None };
+        let ending = self.layer.style.ending();
         self.add(What::Move(m, Kind::Still), state, |out| {
             out.extend_from_slice(b"G1 F");
             write_decimal(out, feed, FEED);
-            out.push(b'\n');
+            out.extend_from_slice(ending);
         });
     }
 
@@ -681,10 +682,11 @@ impl<'a> Emitter<'a> {
             let e = end.e;
             let (_, change) = self.set_e(0.0);
             let Change::Set(_, format) = change else { return };
+            let ending = self.layer.style.ending();
             self.add(What::SetE(e), state, |out| {
                 out.extend_from_slice(b"G92 E");
                 write_decimal(out, e, format);
-                out.push(b'\n');
+                out.extend_from_slice(ending);
             });
         }
         self.settle(state);

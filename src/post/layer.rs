@@ -164,6 +164,16 @@ pub struct Style {
     pub e_decimals: u8,
     /// `.5`, not `0.5`.
     pub bare_point: bool,
+    /// Lines end in `\r\n`.
+    pub crlf: bool,
+}
+
+impl Style {
+    /// How a line ends.
+    #[must_use]
+    pub fn ending(self) -> &'static [u8] {
+        if self.crlf { b"\r\n" } else { b"\n" }
+    }
 }
 
 impl Layer {

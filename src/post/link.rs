@@ -1,6 +1,6 @@
 //! How a file goes from bead to bead: learned from its own links, to make new ones like them.
 use super::layer::{Channel, Layer, Row, What};
-use outrigger_gcode::state::Kind;
+use outrigger_gcode::state::{Kind, Move};
 
 /// The bytes of a line.
 pub(super) type Text = Vec<u8>;
@@ -128,20 +128,20 @@ pub(super) fn is_regular(layer: &Layer, rows: &[Row]) -> bool {
 }
 
 /// Takes a link apart; `None` where it is of a form that cannot be made anew
-/// (sloped hops, several tools' primes, travels at other heights).
+/// (ways down on a slope, several tools' primes, travels at other heights).
 fn take_apart(layer: &Layer, rows: &[Row]) -> Option<Link> {
     let mut parts = Parts::default();
     for row in rows {
         let text = || layer.bytes(row.span).to_vec();
         match row.what {
             What::Move(m, kind) => {
-                let dz = m.to[2] - m.from[2];
                 let sample = || Sample { text: text(), feed: m.feed };
                 match kind {
                     Kind::Still | Kind::Deposit => {}
                     Kind::Filament if m.e < 0.0 => parts.pull(sample(), -m.e)?,
                     Kind::Filament => parts.push(sample(), m.e)?,
-                    Kind::Wipe if dz == 0.0 => {
+                    Kind::Wipe if m.from[2] != m.to[2] => return None,
+                    Kind::Wipe => {
                         parts.at(Stage::Wipe)?;
                         let wipe = parts.wipe.get_or_insert(Wipe {
                             line: sample(),
@@ -152,24 +152,7 @@ fn take_apart(layer: &Layer, rows: &[Row]) -> Option<Link> {
                         wipe.e -= m.e;
                         wipe.length_mm += m.length_mm();
                     }
-                    Kind::Travel if m.e != 0.0 || (m.moves_xy() && dz != 0.0) || m.arc.is_some() => {
-                        return None;
-                    }
-                    Kind::Travel if m.moves_xy() => {
-                        parts.at(Stage::Travel)?;
-                        let channels = Channel::OF_TRAVEL
-                            .map(|c| layer.bytes(layer.state(row).channels[c as usize]).to_vec());
-                        parts.travel = Some(Travel { line: sample(), channels });
-                    }
-                    Kind::Travel if dz > 0.0 && parts.up.is_none() => {
-                        parts.at(Stage::Up)?;
-                        parts.up = Some((sample(), dz));
-                    }
-                    Kind::Travel if dz < 0.0 && parts.down.is_none() => {
-                        parts.at(Stage::Down)?;
-                        parts.down = Some(sample());
-                    }
-                    _ => return None,
+                    Kind::Travel => parts.travel(&m, sample(), travel_channels(layer, row))?,
                 }
             }
             What::Retract => {
@@ -190,13 +173,19 @@ fn take_apart(layer: &Layer, rows: &[Row]) -> Option<Link> {
     parts.link()
 }
 
+fn travel_channels(layer: &Layer, row: &Row) -> [Text; Channel::OF_TRAVEL.len()] {
+    Channel::OF_TRAVEL.map(|c| layer.bytes(layer.state(row).channels[c as usize]).to_vec())
+}
+
 struct Parts {
     stage: Stage,
     before: Option<(Sample, f64)>,
     wipe: Option<Wipe>,
     marks: [Text; 2],
     after: Option<(Sample, f64)>,
-    up: Option<(Sample, f64)>,
+    up: Option<Sample>,
+    /// How far up in all, mm.
+    height_mm: f64,
     travel: Option<Travel>,
     down: Option<Sample>,
     unretract: Vec<(Sample, f64)>,
@@ -212,6 +201,7 @@ impl Default for Parts {
             marks: Default::default(),
             after: None,
             up: None,
+            height_mm: 0.0,
             travel: None,
             down: None,
             unretract: Vec::new(),
@@ -239,6 +229,33 @@ impl Parts {
         Some(())
     }
 
+    fn travel(&mut self, m: &Move, line: Sample, channels: [Text; Channel::OF_TRAVEL.len()]) -> Option<()> {
+        let dz = m.to[2] - m.from[2];
+        let sloped = m.moves_xy() || m.arc.is_some();
+        if m.e != 0.0 {
+            return None;
+        }
+        if dz > 0.0 {
+            // Sloped and spiral hops (OrcaSlicer, PrusaSlicer's ramps) become upright
+            // ones of the same height, made like the way down.
+            self.at(Stage::Up)?;
+            self.height_mm += dz;
+            self.up = (!sloped && self.up.is_none()).then_some(line.clone());
+        } else if dz < 0.0 {
+            self.at(Stage::Down)?;
+            let first = self.down.replace(line.clone()).is_none();
+            return (!sloped && first).then_some(());
+        } else {
+            self.at(Stage::Travel)?;
+        }
+        match (m.moves_xy(), m.arc) {
+            (true, None) => self.travel = Some(Travel { line, channels }),
+            (true, Some(_)) => return None,
+            _ => {}
+        }
+        Some(())
+    }
+
     fn push(&mut self, line: Sample, e: f64) -> Option<()> {
         self.at(Stage::Unretract)?;
         self.unretract.push((line, e));
@@ -255,16 +272,17 @@ impl Parts {
         let wipe = self.wipe.map(|wipe| Wipe { marks: self.marks, ..wipe });
         let pulled = self.before.is_some() || wipe.is_some() || self.after.is_some();
         let retracts = firmware.is_some() || pulled;
-        let level = self.up.is_some() == self.down.is_some();
-        if !level || (self.up.is_some() && !retracts) || pulled == self.unretract.is_empty() {
+        let hops = self.height_mm > 0.0;
+        if hops != self.down.is_some() || (hops && !retracts) || pulled == self.unretract.is_empty() {
             return None;
         }
+        let up = self.up.or_else(|| self.down.clone()).filter(|_| hops).map(|line| (line, self.height_mm));
         let retraction = retracts.then_some(Retraction {
             firmware,
             before: self.before,
             wipe,
             after: self.after,
-            up: self.up,
+            up,
             down: self.down,
             unretract: self.unretract,
         });
@@ -298,6 +316,15 @@ mod tests {
         assert_eq!(wipe.marks, [b";WIPE_START\n".to_vec(), b";WIPE_END\n".to_vec()]);
         assert_eq!(retraction.up.unwrap().1, 1.0);
 
+        // A slope up, a spiral up: upright hops as high, at the feed rate of the way down.
+        for hop in ["G1 X2 Y2 Z1.4 F9000\n", "G2 Z1.4 I1 J0 P1 F9000\n"] {
+            let text = format!("G1 E-1 F2400\n{hop}G1 X9 Y9 F9000\nG1 Z1 F720\nG1 E1 F2400\n");
+            let retraction = link(&text).unwrap().retraction.unwrap();
+            let (sample, height_mm) = retraction.up.unwrap();
+            assert!((height_mm - 0.4).abs() < 1e-9);
+            assert_eq!(sample, Sample { text: b"G1 Z1 F720\n".to_vec(), feed: 720.0 });
+        }
+
         let firmware = link("G10\nG1 X5\nG11\n").unwrap().retraction.unwrap();
         assert_eq!(firmware.firmware, Some([b"G10\n".to_vec(), b"G11\n".to_vec()]));
         assert_eq!(firmware.depth_mm(), 0.0);
@@ -306,7 +333,8 @@ mod tests {
     #[test]
     fn forms_that_cannot_be_made_anew_are_left_alone() {
         for text in [
-            "G1 E-1\nG1 X5 Y5 Z2\nG1 Z1\nG1 E1\n",
+            "G1 E-1\nG1 X5 Y5 Z2\nG1 X6 Z1\nG1 E1\n",
+            "G1 E-1\nG1 Z2\nG1 X5\nG1 E1\n",
             "G1 E-1\nG1 X5\n",
             "G1 X5\nG1 E-1\nG1 X6\nG1 E1\n",
             "G1 Z2\nG1 X5\nG1 Z1\n",

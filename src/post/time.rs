@@ -3,7 +3,7 @@
 //! An estimate to compare two orders of the same job with: the speed at a corner
 //! is limited so that the velocity changes by at most [`CORNER_MM_S`] at once
 //! (classic jerk), moves of filament alone stop at both ends.
-use super::layer::{Layer, Row, What};
+use super::layer::{Layer, Row};
 use outrigger_gcode::line::{Command, Line, parse};
 use outrigger_gcode::state::{Kind, Move};
 
@@ -157,22 +157,6 @@ impl Clock {
         self.run.clear();
         self.seconds
     }
-}
-
-/// Seconds of the rows' travels, wipes and filament moves, each from rest to rest:
-/// what differs between two orders of the same beads.
-#[must_use]
-pub fn links_s(rows: &[Row], accelerations: Accelerations) -> f64 {
-    let mut seconds = 0.0;
-    for row in rows {
-        let What::Move(m, kind) = row.what else { continue };
-        let mut clock = Clock::new(accelerations);
-        if kind != Kind::Deposit {
-            clock.add(&m, kind);
-            seconds += clock.rest();
-        }
-    }
-    seconds
 }
 
 /// The accelerations in force at a layer's row, as far as its settings tell.

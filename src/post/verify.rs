@@ -33,6 +33,9 @@ const E_SUM_MM: f64 = 1e-3;
 /// Filament moved between the deposits of one layer may differ by this, mm.
 const PRIMED_MM: f64 = 1e-3;
 
+/// Marlin takes 95 bytes of a framed line; `N12345678 ` and `*255` are 14 of them.
+const MAX_CODE_BYTES: usize = 81;
+
 /// What differs, and where.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("layer {layer}: {what}")]
@@ -82,6 +85,9 @@ pub enum What {
     /// Travel speed.
     #[error("a travel would go at {0} mm/min, faster than the file's own")]
     Fast(f64),
+    /// A line that Marlin would cut.
+    #[error("a line would be longer than the firmware takes: {0:?}")]
+    Long(String),
     /// The state at the end.
     #[error("{0} would not be as the file leaves it")]
     End(&'static str),
@@ -400,6 +406,8 @@ pub struct Verifier {
     before: Side,
     after: Side,
     e_sum_mm: f64,
+    /// Longest line of the input where it was compared, bytes, without its comment.
+    longest: usize,
 }
 
 impl Verifier {
@@ -411,6 +419,7 @@ impl Verifier {
             before: Side::new(dialect, accelerations),
             after: Side::new(dialect, accelerations),
             e_sum_mm: 0.0,
+            longest: 0,
         }
     }
 
@@ -426,7 +435,7 @@ impl Verifier {
         }
         let old = self.before.read(input);
         let new = self.after.read(output);
-        self.compare(&old, &new, output).map_err(|what| Difference { layer: number, what })
+        self.compare(&old, &new, input, output).map_err(|what| Difference { layer: number, what })
     }
 
     /// The same bytes from the same state: read once for both.
@@ -446,7 +455,7 @@ impl Verifier {
         after.fastest = after.fastest.max(before.fastest);
     }
 
-    fn compare(&mut self, old: &Reading, new: &Reading, output: &[u8]) -> Result<(), What> {
+    fn compare(&mut self, old: &Reading, new: &Reading, input: &[u8], output: &[u8]) -> Result<(), What> {
         self.segments(old, new)?;
         if old.others != new.others {
             return Err(What::Others(first_other(&old.others, &new.others, output)));
@@ -466,7 +475,20 @@ impl Verifier {
         if new.lowest_travel < old.lowest_travel - UNIT_MM {
             return Err(What::Low(new.lowest_travel));
         }
+        self.lengths(input, output)?;
         self.ends()
+    }
+
+    /// Marlin cuts what is longer, and no line may be that was not.
+    fn lengths(&mut self, input: &[u8], output: &[u8]) -> Result<(), What> {
+        let code = |bytes: &&[u8]| memchr::memchr(b';', bytes).unwrap_or(bytes.len());
+        let longest = |text: &[u8]| split_lines(text).map(|l| code(&l)).max().unwrap_or(0);
+        self.longest = self.longest.max(longest(input));
+        let most = self.longest.max(MAX_CODE_BYTES);
+        match split_lines(output).find(|line| code(line) > most) {
+            Some(line) => Err(What::Long(String::from_utf8_lossy(line).trim().to_owned())),
+            None => Ok(()),
+        }
     }
 
     fn segments(&mut self, old: &Reading, new: &Reading) -> Result<(), What> {
@@ -646,6 +668,7 @@ mod tests {
             ("G1 Y1 F9000", "G1 Z.1\nG1 Y1 F9000\nG1 Z.2", "below the layer"),
             ("G1 Y1 F9000", "G1 Y30 F9000\nG1 Y1", "leave the bounds"),
             ("G1 Y1 F9000", "G1 Y1 F12000", "faster"),
+            ("G1 Y1 F9000", &format!("G1 Y1{} F9000", " ".repeat(80)), "longer than the firmware takes"),
             ("G1 X0 Y0 F9000\nM107", "G1 X0 Y.5 F9000\nM107", "the position"),
             ("G1 X0 Y0 F9000\nM107", "G1 X0 Y0 F9000\nG1 E-1\nG1 E1\nM107", "deeper"),
             ("\nM107", "\nM106 S1", "a setting"),

@@ -14,7 +14,7 @@ use super::super::link::Habits;
 use super::super::measure::Measure;
 use super::super::pass::{Pass, Tally};
 use super::super::section::{BeadRows, Neighbours, beads, is_link, sections};
-use super::super::time::{accelerations_at, links_s};
+use super::super::time::{Clock, accelerations_at};
 use super::Wishes;
 use crate::toolpath::bead::{Bead, Ends, LiftRule, Point, Visit, as_sliced, distance_mm};
 use crate::toolpath::breakpoints::never_worse;
@@ -171,7 +171,7 @@ impl Written {
             && self.retractions <= other.retractions
             && self.jumps <= other.jumps
             && self.travel_mm <= other.travel_mm
-            && self.seconds <= other.seconds;
+            && self.seconds <= other.seconds + 1e-9;
         let better = self.lifts < other.lifts
             || self.retractions < other.retractions
             || self.travel_mm < other.travel_mm - WORTH_MM;
@@ -331,24 +331,28 @@ impl Work<'_> {
         let deposit = |at: [f64; 3]| Move { from: at, to: at, e: 1.0, feed: 0.0, arc: None };
         let mut measure = Measure::default();
         measure.add(&deposit(z), Kind::Deposit, 0, 0);
-        let rows = self.emitter.since(before);
-        for row in rows {
+        let first = &self.layer.rows[self.beads[section.start].first];
+        let mut clock = Clock::new(accelerations_at(self.layer, first));
+        for row in self.emitter.since(before) {
             match row.what {
-                What::Move(m, kind) => measure.add(&m, kind, 0, 0),
+                What::Move(m, kind) => {
+                    measure.add(&m, kind, 0, 0);
+                    clock.add(&m, kind);
+                }
+                What::Channel(_) => clock.accelerations.learn(self.emitter.bytes(row.span)),
                 What::Retract => measure.firmware_retract(),
                 What::Unretract => measure.firmware_unretract(),
                 _ => {}
             }
         }
         measure.add(&deposit(here), Kind::Deposit, 0, 0);
-        let accelerations = accelerations_at(self.layer, &self.layer.rows[self.beads[section.start].first]);
         let totals = measure.totals();
         Ok(Written {
             lifts: totals.lifts,
             retractions: totals.retractions,
             jumps: totals.jumps,
             travel_mm: totals.travel_mm,
-            seconds: links_s(rows, accelerations),
+            seconds: clock.rest(),
         })
     }
 }
