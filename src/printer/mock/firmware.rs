@@ -151,7 +151,9 @@ pub struct Firmware {
 }
 
 impl Firmware {
-    /// Switches a board on, at time 0.
+    /// A board at time 0: one that opening the port resets is just switched
+    /// on and hears nothing yet; another has been on for
+    /// long, so that a host that opens the port hears no `start`.
     pub fn new(config: Config, faults: Faults) -> Self {
         let mut board = Self {
             uart: Uart::new(config.baud, config.rx_bytes),
@@ -168,7 +170,7 @@ impl Firmware {
             fan: 0,
             cold_extrusion_allowed: false,
             now_ns: 0,
-            power: Power::Halted,
+            power: Power::Running,
             boot_cause: "",
             hung_until_ns: 0,
             auto_report: None,
@@ -180,10 +182,16 @@ impl Firmware {
             hang_up_ns: None,
             highest: 0,
             digest: Digest::default(),
-            counts: Stats::default(),
+            counts: Stats {
+                boots: 1,
+                ..Stats::default()
+            },
             config,
         };
-        board.boot("PowerUp");
+        if board.config.dtr_reset {
+            board.counts.boots = 0;
+            board.boot("PowerUp");
+        }
         board
     }
 

@@ -175,7 +175,11 @@ fn fact_5_temperatures_ride_on_an_ok_without_number() {
 
 #[test]
 fn fact_6_boot_auto_report_and_the_lines_of_a_wait_for_heat() {
-    let mut board = Firmware::new(Config::default(), Faults::default());
+    let config = Config {
+        dtr_reset: true,
+        ..Config::default()
+    };
+    let mut board = Firmware::new(config, Faults::default());
     assert_eq!(output(&mut board, 199), "");
     let boot = output(&mut board, 300);
     assert!(
