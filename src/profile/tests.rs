@@ -145,15 +145,15 @@ fn a_users_file_is_told_what_where_and_the_way_out() {
     check(
         "dtr_reset",
         "dtr_rseet",
-        "line 24: unknown key serial.dtr_rseet; did you mean serial.dtr_reset?",
+        "line 26: unknown key serial.dtr_rseet; did you mean serial.dtr_reset?",
     );
     check(
         "nozzle_mm = 0.4",
         "nozzle_mm = 40",
-        "line 10: nozzle_mm is 40, outside 0.05 to 3",
+        "line 12: nozzle_mm is 40, outside 0.05 to 3",
     );
     check("max_line = 95\n", "", "");
-    check("baud = 115200\n", "", "line 20: serial.baud is missing");
+    check("baud = 115200\n", "", "line 22: serial.baud is missing");
     check("marlin-cancel.gcode", "cancel.gcode", "marlin-cancel.gcode");
     check(
         "{ file = \"marlin-cancel.gcode\" }",
@@ -170,7 +170,7 @@ fn a_users_file_is_told_what_where_and_the_way_out() {
         "{ bytes = 120, lines = 1 }",
         "exactly one of bytes, lines",
     );
-    check("[bed]", "[bed", "line 13");
+    check("[bed]", "[bed", "line 15");
 }
 
 #[test]
