@@ -19,13 +19,9 @@ fn every_file_of_the_folder_is_embedded_and_the_lists_are_sorted() {
         ("materials", builtin::MATERIALS, ".toml"),
         ("macros", builtin::MACROS, ""),
     ] {
-        let embedded: Vec<_> = list.iter().map(|(n, _)| format!("{n}{ending}")).collect();
-        assert!(embedded.is_sorted(), "{name}: {embedded:?}");
-        assert_eq!(
-            embedded.into_iter().collect::<BTreeSet<_>>(),
-            folder(name),
-            "{name}"
-        );
+        assert!(list.is_sorted_by_key(|(n, _)| *n), "{name}");
+        let embedded: BTreeSet<_> = list.iter().map(|(n, _)| format!("{n}{ending}")).collect();
+        assert_eq!(embedded, folder(name), "{name}");
     }
 }
 
