@@ -56,7 +56,7 @@ pub struct Args {
 }
 
 /// Slower than a hundredth or faster than a hundred thousand times is a slip.
-fn speed(text: &str) -> Result<f64, String> {
+pub(crate) fn speed(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(k) if (0.01..=100_000.0).contains(&k) => Ok(k),
         _ => Err("a number from 0.01 to 100000".to_owned()),

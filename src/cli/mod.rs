@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
 pub mod mock;
+pub(crate) mod print;
 pub mod profile;
 
 /// A daemon beside a 3D printer.
@@ -20,6 +21,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Verb {
     Mock(mock::Args),
+    Print(print::Args),
     Profile(profile::Args),
 }
 
@@ -28,6 +30,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let done: anyhow::Result<ExitCode> = match cli.verb {
         Verb::Mock(args) => mock::run(args),
+        Verb::Print(args) => print::run(args),
         Verb::Profile(args) => profile::run(args),
     };
     match done {

@@ -1,2 +1,27 @@
-//! The printer: the mock one.
+//! The printer's side of the house: a job's lines go to a Marlin-family firmware
+//! over a serial port, none lost, none doubled, none out of order.
+//!
+//! # Layout
+//! - [`job_file`]: a file, checked, as a source of commands.
+//! - [`window`]: numbered lines, what is in flight, what can be sent again.
+//! - [`lines`]: bytes from the wire into lines.
+//! - [`reply`], [`temperature`]: what a line of the printer means.
+//! - [`session`]: the state machine over these; no I/O, no clock.
+//! - [`port`]: the serial port.
+//! - [`drive`]: a session, a port and a clock, together.
+//! - [`mock`]: the other side: a strict Marlin on a pseudo-terminal.
+//!
+//! Invariant: on the sender's side nothing but [`port`] and [`drive`] does I/O or
+//! asks the time; it shares no code with [`mock`].
+//!
+//! Knows the G-code crate's framing. Settings come as plain values: this room
+//! knows no profile, no command line and no terminal.
+pub mod drive;
+pub mod job_file;
+pub mod lines;
 pub mod mock;
+pub mod port;
+pub mod reply;
+pub mod session;
+pub mod temperature;
+pub mod window;

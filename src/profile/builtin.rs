@@ -26,6 +26,7 @@ pub(crate) const PRINTERS: &[(&str, &str)] = embed!(
         "ender-3",
         "ender-3-v2",
         "ender-5",
+        "generic-marlin",
         "lulzbot-taz-6",
         "prusa-mini",
         "prusa-mk3s",

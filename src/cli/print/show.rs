@@ -1,0 +1,311 @@
+//! What the user sees of a running job: a bar on a terminal, plain lines elsewhere.
+//!
+//! Takes the session's events and the lines that are acknowledged. All goes to
+//! standard error but the summary. Failing output is ignored: a terminal that is
+//! gone must not end a print.
+use super::escape::printable;
+use super::marks::{Facts, Marks};
+use crate::printer::drive::Watcher;
+use crate::printer::job_file::Checked;
+use crate::printer::reply::Busy;
+use crate::printer::session::{Ending, Event};
+use crate::printer::temperature::{Reading, Temperatures};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::cell::RefCell;
+use std::io::{IsTerminal, Write};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// The bar is drawn so often; faster cannot be read.
+const BAR_INTERVAL: Duration = Duration::from_millis(200);
+
+/// Without a terminal, a line so often: a log of a ten-hour print stays readable.
+const PLAIN_INTERVAL: Duration = Duration::from_secs(10);
+
+/// Part of the job that must be done before its own pace tells what is left…
+const PACE_FRACTION: f64 = 0.02;
+
+/// …and how long it must have run.
+const PACE_S: f64 = 20.0;
+
+/// Unknown commands that are named; more would say no more.
+const MAX_UNKNOWN: usize = 20;
+
+/// The display.
+pub(super) struct Show {
+    bar: Option<ProgressBar>,
+    verbose: bool,
+    checked: Checked,
+    facts: Facts,
+    marks: Rc<RefCell<Marks>>,
+    temperatures: Option<Temperatures>,
+    connected: bool,
+    line: u64,
+    started: Instant,
+    first_line: Option<Instant>,
+    shown: Instant,
+    resends: u64,
+    probes: u64,
+    last_busy: Option<Busy>,
+    /// First words of the commands that the printer did not know.
+    unknown: Vec<String>,
+}
+
+impl Show {
+    pub(super) fn new(
+        verbose: bool,
+        checked: Checked,
+        facts: Facts,
+        marks: Rc<RefCell<Marks>>,
+    ) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(checked.lines);
+            let style = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {msg}");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar
+        });
+        let now = Instant::now();
+        let show = Self {
+            bar,
+            verbose,
+            checked,
+            facts,
+            marks,
+            temperatures: None,
+            connected: false,
+            line: 0,
+            started: now,
+            first_line: None,
+            shown: now,
+            resends: 0,
+            probes: 0,
+            last_busy: None,
+            unknown: Vec::new(),
+        };
+        if checked.shortened > 0 {
+            let n = checked.shortened;
+            show.say(&format!(
+                "{n} messages (M117, M118) are too long and will be shortened"
+            ));
+        }
+        show
+    }
+
+    /// The bar goes; what was said stays.
+    pub(super) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// One line on standard output: what was printed and how it went.
+    pub(super) fn summary(&self, name: &str) {
+        let took = duration(self.started.elapsed().as_secs_f64());
+        let (commands, resends) = (self.checked.commands, self.resends);
+        let line = format!("{name}: printed, {commands} commands in {took}, {resends} resends");
+        let _ = writeln!(std::io::stdout(), "{line}");
+    }
+
+    fn say(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| {
+                let _ = writeln!(std::io::stderr(), "{line}");
+            }),
+            None => {
+                let _ = writeln!(std::io::stderr(), "{line}");
+            }
+        }
+    }
+
+    /// What goes beside the bar: layer, temperatures, time left.
+    fn status(&self) -> String {
+        let marks = self.marks.borrow();
+        let mut parts = Vec::with_capacity(4);
+        if self.facts.layers > 0 {
+            parts.push(format!("layer {}/{}", marks.layer, self.facts.layers));
+        }
+        if let Some(t) = &self.temperatures {
+            parts.extend(reading("nozzle", t.hotend()));
+            parts.extend(reading("bed", t.bed));
+            parts.extend(reading("chamber", t.chamber));
+        }
+        if let Some(left_s) = self.left_s(marks.left_s) {
+            parts.push(format!("{} left", duration(left_s)));
+        }
+        parts.join("  ")
+    }
+
+    /// A file for another firmware may hold thousands of one command: it is named
+    /// once.
+    fn unknown(&mut self, text: &str) {
+        let word = text.split_whitespace().next().unwrap_or_default();
+        let known = self.unknown.iter().any(|w| w == word);
+        if self.verbose || (!known && self.unknown.len() < MAX_UNKNOWN) {
+            self.say(&format!("printer: unknown command {}", printable(text)));
+        }
+        if !known && self.unknown.len() < MAX_UNKNOWN {
+            self.unknown.push(word.to_owned());
+        }
+    }
+
+    fn fraction(&self) -> f64 {
+        self.line as f64 / self.checked.lines.max(1) as f64
+    }
+
+    /// How long the rest takes: at the pace so far once that tells, by the
+    /// slicer's own estimate before. The slicer's marks also tell best how far the
+    /// job is: lines are of very different length.
+    fn left_s(&self, marked_s: Option<f64>) -> Option<f64> {
+        let elapsed_s = self.first_line?.elapsed().as_secs_f64();
+        let done = match (marked_s, self.facts.total_s) {
+            (Some(left), Some(total)) if total > 0.0 => (1.0 - left / total).clamp(0.0, 1.0),
+            _ => self.fraction(),
+        };
+        if done >= PACE_FRACTION && elapsed_s >= PACE_S {
+            return Some(elapsed_s * (1.0 - done) / done);
+        }
+        marked_s.or(self.facts.total_s)
+    }
+
+    fn refresh(&mut self, interval: Duration) {
+        if self.shown.elapsed() < interval {
+            return;
+        }
+        self.shown = Instant::now();
+        let status = self.status();
+        match &self.bar {
+            Some(bar) => {
+                bar.set_message(status);
+                bar.set_position(self.line);
+            }
+            None if self.connected => {
+                self.say(&format!("{:.0} %  {status}", self.fraction() * 100.0));
+            }
+            None => {}
+        }
+    }
+
+    fn interval(&self) -> Duration {
+        match self.bar {
+            Some(_) => BAR_INTERVAL,
+            None => PLAIN_INTERVAL,
+        }
+    }
+}
+
+impl Watcher for Show {
+    fn event(&mut self, event: &Event) {
+        match event {
+            Event::Connected { firmware, .. } => {
+                self.connected = true;
+                let name = firmware
+                    .as_deref()
+                    .unwrap_or("a printer that does not say its name");
+                self.say(&format!("connected to {}", printable(name)));
+            }
+            Event::Temperatures(t) => self.temperatures = Some(*t),
+            Event::Busy(busy) => {
+                if self.last_busy != Some(*busy) && *busy != Busy::Processing {
+                    self.say("the printer waits for you: see its display");
+                }
+                self.last_busy = Some(*busy);
+            }
+            Event::Resend { n } => {
+                self.resends += 1;
+                if self.verbose {
+                    self.say(&format!("the printer asks for line N{n} again"));
+                }
+            }
+            Event::Probed { timeouts } => {
+                self.probes += 1;
+                if self.verbose || *timeouts > 1 {
+                    self.say(&format!(
+                        "no answer from the printer (timeout {timeouts}); asking again"
+                    ));
+                }
+            }
+            Event::ManyResends { resends, lines } => self.say(&format!(
+                "warning: {resends} resends in {lines} lines; check the cable, its shielding and \
+                 the baud rate"
+            )),
+            Event::Action(text) => self.say(&format!("printer: action {}", printable(text))),
+            Event::UnknownCommand(text) => self.unknown(text),
+            Event::PrinterError(text) => {
+                // Refused lines are part of a resend.
+                if self.verbose || !text.contains("Last Line:") {
+                    self.say(&format!("printer: {}", printable(text)));
+                }
+            }
+            Event::Note(text) => {
+                if self.verbose {
+                    self.say(&format!("printer: {}", printable(text)));
+                }
+            }
+            Event::Skipped { job_line } => self.say(&format!(
+                "line {job_line} of the file sets the line number (M110) and was left out"
+            )),
+            Event::Stopping(ending) => self.say(&match ending {
+                Ending::Cancelled => "cancelling: waiting for what the printer has, then the \
+                                      cancel macro; Ctrl-C again quits at once and leaves \
+                                      heaters as they are"
+                    .to_owned(),
+                Ending::Failed(why) => {
+                    let why = printable(&why.to_string());
+                    format!("stopping: {why}; sending the cancel macro")
+                }
+            }),
+            Event::Position(_) | Event::Ended(_) => {}
+        }
+        self.refresh(self.interval());
+    }
+
+    fn acknowledged(&mut self, job_line: u64) {
+        if job_line == self.line {
+            return;
+        }
+        self.line = job_line;
+        self.first_line.get_or_insert_with(Instant::now);
+        self.marks.borrow_mut().reach(job_line);
+        self.refresh(self.interval());
+    }
+}
+
+fn reading(name: &str, heater: Option<Reading>) -> Option<String> {
+    let heater = heater?;
+    Some(match heater.target_c {
+        Some(target) if target > 0.0 => {
+            format!("{name} {:.0}/{target:.0} °C", heater.actual_c)
+        }
+        _ => format!("{name} {:.0} °C", heater.actual_c),
+    })
+}
+
+/// `1 h 02 min`, `2 min 03 s`, `4.9 s`.
+fn duration(seconds: f64) -> String {
+    if (0.0..10.0).contains(&seconds) {
+        return format!("{seconds:.1} s");
+    }
+    // A float cast saturates: no estimate is too wild.
+    let s = seconds.max(0.0) as u64;
+    match (s / 3600, s / 60 % 60, s % 60) {
+        (0, 0, s) => format!("{s} s"),
+        (0, m, s) => format!("{m} min {s:02} s"),
+        (h, m, _) => format!("{h} h {m:02} min"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations() {
+        let check = |s, expect: &str| assert_eq!(duration(s), expect);
+        check(4.9, "4.9 s");
+        check(14.9, "14 s");
+        check(123.0, "2 min 03 s");
+        check(3720.0, "1 h 02 min");
+        check(-5.0, "0 s");
+        check(f64::INFINITY, "5124095576030431 h 00 min");
+    }
+}

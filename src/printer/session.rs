@@ -1,0 +1,665 @@
+//! One job over one connection: a state machine without I/O and without a clock.
+//!
+//! Takes what comes ([`Session::on_bytes`], [`Session::on_tick`],
+//! [`Session::feed`], [`Session::cancel`], [`Session::port_lost`]) with the time
+//! in ms of any steady clock, gives bytes to write ([`Session::output`]), events
+//! ([`Session::poll_event`]) and the time when it wants to be called at the
+//! latest ([`Session::deadline`]). Does not know ports, files or terminals.
+//!
+//! # The life of a connection
+//! ```text
+//!  Boot ──► Numbering ──► Identify ──► Job ──────────────► Ended
+//!  (start?)  (M110 N0)     (M115,       │ cancel             ▲
+//!               ▲           M155)       ▼                    │
+//!               │                    WindDown ─► Numbering ─► Safe
+//!               └── numbers used up ── Job        (M110 N0)   (cancel macro)
+//! ```
+//!
+//! # Why every line is numbered, ours too
+//! The firmware accepts a numbered line only after all lines before it. So a
+//! probe (M105) with the next number does two things at once: its `ok` proves
+//! that all before it arrived, and a lost line makes the firmware ask for it. An
+//! unnumbered probe proves only that the printer lives, and has no checksum: one
+//! wrong bit makes M107 of it, which stops the fan.
+mod answers;
+mod event;
+mod kind;
+mod settings;
+mod stall;
+
+#[cfg(test)]
+mod sim;
+#[cfg(test)]
+mod tests;
+
+pub use event::{Ending, Event, Failure, Outcome, Safety};
+pub use settings::{DEFAULT_BOOT_WAIT_MS, DEFAULT_WINDOW_BYTES, MARLIN_MAX_LINE, Settings};
+
+use crate::printer::lines::LineSplitter;
+use crate::printer::window::{Kind, Tag, Window};
+use kind::{kind_of, sets_line_number};
+use outrigger_gcode::checksum::{fit, frame, framed_len, sendable};
+use settings::*;
+use std::collections::VecDeque;
+
+/// A tag for lines that are not the job's.
+fn own(kind: Kind) -> Tag {
+    Tag { job_line: 0, kind }
+}
+
+/// Where in its life the connection is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// Listening for `start` until it is time to speak.
+    Boot { speak_ms: u64, latest_ms: u64 },
+    /// M110 was sent; its `ok` leads on.
+    Numbering {
+        then: Then,
+        tries: u32,
+        retry_ms: u64,
+    },
+    /// Asking who is there: 0 nothing, 1 M115, 2 M155 sent.
+    Identify { asked: u8 },
+    /// Feeding the job; `closing` once its last line is in the window.
+    Job { closing: Closing },
+    /// No more is fed; what is in flight is awaited.
+    WindDown { until_ms: u64, interrupt: bool },
+    /// The cancel macro goes out; `next` is the index of its next line.
+    Safe { next: usize, until_ms: u64 },
+    /// Over.
+    Ended,
+}
+
+/// What follows when the printer counts from 0 again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Then {
+    Identify,
+    Job,
+    Safe { until_ms: u64 },
+}
+
+/// The end of a job that went well.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Closing {
+    /// More lines may come.
+    No,
+    /// The source has no more lines.
+    Drained,
+    /// M400 was pushed: it waits for the last move.
+    Settling,
+}
+
+/// What the printer said of itself.
+#[derive(Debug, Default)]
+struct Printer {
+    firmware: Option<String>,
+    auto_report: bool,
+    emergency_parser: bool,
+}
+
+/// The one job line that waits for room.
+#[derive(Debug, Default)]
+struct Pending {
+    command: Vec<u8>,
+    job_line: u64,
+    full: bool,
+}
+
+/// The state machine. See the module's text.
+#[derive(Debug)]
+pub struct Session {
+    settings: Settings,
+    phase: Phase,
+    printer: Printer,
+    splitter: LineSplitter,
+    window: Window,
+    pending: Pending,
+    out: Vec<u8>,
+    /// How much of `out` is written.
+    out_at: usize,
+    events: VecDeque<Event>,
+    ending: Option<Ending>,
+    /// Whether a line of the job was ever sent.
+    touched: bool,
+    /// Last job line that was acknowledged.
+    job_acked: u64,
+    lines_sent: u64,
+    answers: answers::Answers,
+    stall: stall::Stall,
+    poll_ms: u64,
+    proof_tries: u32,
+}
+
+impl Session {
+    /// A session over a port that was opened at `now_ms`.
+    pub fn new(settings: Settings, now_ms: u64) -> Self {
+        let window = Window::new(settings.window);
+        Self {
+            phase: Phase::Boot {
+                speak_ms: now_ms + settings.boot_wait_ms,
+                latest_ms: now_ms + settings.boot_wait_ms + BOOT_MAX_MS,
+            },
+            settings,
+            printer: Printer::default(),
+            splitter: LineSplitter::default(),
+            window,
+            pending: Pending::default(),
+            out: Vec::with_capacity(1024),
+            out_at: 0,
+            events: VecDeque::new(),
+            ending: None,
+            touched: false,
+            job_acked: 0,
+            lines_sent: 0,
+            answers: answers::Answers::default(),
+            stall: stall::Stall::new(now_ms),
+            poll_ms: now_ms,
+            proof_tries: 0,
+        }
+    }
+
+    // ---- what comes in ----
+
+    /// Bytes came from the printer, in any pieces.
+    pub fn on_bytes(&mut self, bytes: &[u8], now_ms: u64) {
+        self.answers.heard(bytes.len(), now_ms);
+        // The splitter is taken out so that its lines may change the rest.
+        let mut splitter = std::mem::take(&mut self.splitter);
+        splitter.push(bytes, |line| self.on_line(line, now_ms));
+        self.splitter = splitter;
+        self.pump(now_ms);
+    }
+
+    /// Time passed. Call at [`Session::deadline`] or later; more often is harmless.
+    pub fn on_tick(&mut self, now_ms: u64) {
+        match self.phase {
+            Phase::Boot { speak_ms, .. } if now_ms >= speak_ms => {
+                self.number(Then::Identify, 0, now_ms);
+            }
+            Phase::Numbering {
+                then,
+                tries,
+                retry_ms,
+            } if now_ms >= retry_ms => self.number(then, tries, now_ms),
+            Phase::WindDown { until_ms, .. } if now_ms >= until_ms => self.make_safe(now_ms),
+            Phase::Safe { until_ms, .. } if now_ms >= until_ms => self.end_early(Safety::Unknown),
+            _ => {}
+        }
+        self.end_drain(now_ms);
+        self.check_stall(now_ms);
+        self.pump(now_ms);
+        if now_ms >= self.poll_ms {
+            // The window was full or the printer busy: another time.
+            self.poll_ms = now_ms + POLL_MS;
+        }
+    }
+
+    /// Whether [`Session::feed`] would take a line.
+    pub fn wants_line(&self) -> bool {
+        matches!(
+            self.phase,
+            Phase::Job {
+                closing: Closing::No
+            }
+        ) && !self.pending.full
+    }
+
+    /// Gives the next line of the job: a command without comment or number (see
+    /// [`sendable`]) and its line number in the file, from 1.
+    ///
+    /// Ignored unless [`Session::wants_line`].
+    pub fn feed(&mut self, command: &[u8], job_line: u64, now_ms: u64) {
+        if !self.wants_line() {
+            return;
+        }
+        if sets_line_number(command) {
+            self.tell(Event::Skipped { job_line });
+            return;
+        }
+        self.pending.command.clear();
+        self.pending.command.extend_from_slice(command);
+        self.pending.job_line = job_line;
+        self.pending.full = true;
+        self.pump(now_ms);
+    }
+
+    /// The job has no more lines.
+    pub fn finish_job(&mut self, now_ms: u64) {
+        if let Phase::Job { closing } = &mut self.phase
+            && *closing == Closing::No
+        {
+            *closing = Closing::Drained;
+            self.pump(now_ms);
+        }
+    }
+
+    /// The job cannot be read on; the printer is made safe.
+    pub fn source_failed(&mut self, job_line: u64, reason: String, now_ms: u64) {
+        self.fail(Failure::Source { job_line, reason }, now_ms);
+        self.pump(now_ms);
+    }
+
+    /// The user wants the job to end: no more is fed, what the printer has is
+    /// awaited, the cancel macro follows.
+    pub fn cancel(&mut self, now_ms: u64) {
+        if self.ending.is_some() || self.is_over() {
+            return;
+        }
+        self.ending = Some(Ending::Cancelled);
+        if !self.touched {
+            self.end_early(Safety::Untouched);
+            return;
+        }
+        self.tell(Event::Stopping(Ending::Cancelled));
+        self.pending.full = false;
+        // What the printer asked for again it shall not get.
+        self.window.truncate();
+        self.phase = Phase::WindDown {
+            until_ms: now_ms + WIND_DOWN_MS,
+            interrupt: self.printer.emergency_parser,
+        };
+        self.pump(now_ms);
+    }
+
+    /// The port is gone: nothing can be sent any more.
+    pub fn port_lost(&mut self, reason: String) {
+        if self.is_over() {
+            return;
+        }
+        if self.ending.is_none() {
+            self.ending = Some(Ending::Failed(Failure::PortLost { reason }));
+        }
+        self.end_early(match self.touched {
+            true => Safety::Unknown,
+            false => Safety::Untouched,
+        });
+    }
+
+    // ---- what goes out ----
+
+    /// Bytes to write, whole lines in order.
+    pub fn output(&self) -> &[u8] {
+        &self.out[self.out_at..]
+    }
+
+    /// The first `len` bytes of [`Session::output`] are written.
+    pub fn written(&mut self, len: usize) {
+        self.out_at = self.out.len().min(self.out_at + len);
+        if self.out_at == self.out.len() {
+            self.out.clear();
+            self.out_at = 0;
+        }
+    }
+
+    /// The oldest event that was not fetched.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// Last line of the file that the printer acknowledged; 0 before the first.
+    pub fn job_acked(&self) -> u64 {
+        self.job_acked
+    }
+
+    /// Whether [`Event::Ended`] was told.
+    pub fn is_over(&self) -> bool {
+        self.phase == Phase::Ended
+    }
+
+    /// When [`Session::on_tick`] is due at the latest, in ms; `None`: not before
+    /// something else comes.
+    pub fn deadline(&self) -> Option<u64> {
+        let phase = match self.phase {
+            Phase::Ended => return None,
+            Phase::Boot { speak_ms, .. } => Some(speak_ms),
+            Phase::Numbering { retry_ms, .. } => Some(retry_ms),
+            Phase::WindDown { until_ms, .. } | Phase::Safe { until_ms, .. } => Some(until_ms),
+            Phase::Job { .. } if !self.printer.auto_report => Some(self.poll_ms),
+            Phase::Identify { .. } | Phase::Job { .. } => None,
+        };
+        let others = [self.answers.drain_ends_ms(), self.stall_ms()];
+        others.into_iter().flatten().chain(phase).min()
+    }
+
+    // ---- phases ----
+
+    /// Tells the printer to count from 0: `N0 M110 N0*125`.
+    fn number(&mut self, then: Then, tries: u32, now_ms: u64) {
+        let out_of_time = matches!(then, Then::Safe { until_ms } if now_ms >= until_ms);
+        if tries >= HANDSHAKE_TRIES || out_of_time {
+            let failure = self.answers.no_answer();
+            self.ending.get_or_insert(Ending::Failed(failure));
+            self.end_early(match self.touched {
+                true => Safety::Unknown,
+                false => Safety::Untouched,
+            });
+            return;
+        }
+        // The line feed ends whatever half line the printer may hold. It only
+        // does harm to no one: empty lines are not answered.
+        self.out.push(b'\n');
+        frame(0, b"M110 N0", &mut self.out);
+        self.answers.forget_drain();
+        self.phase = Phase::Numbering {
+            then,
+            tries: tries + 1,
+            retry_ms: now_ms + HANDSHAKE_TRY_MS,
+        };
+    }
+
+    /// M110 was acknowledged.
+    fn numbered(&mut self, then: Then, tries: u32, now_ms: u64) {
+        self.window.reset();
+        self.stall.progress(now_ms);
+        self.proof_tries = 0;
+        self.phase = match then {
+            Then::Identify => Phase::Identify { asked: 0 },
+            Then::Job => Phase::Job {
+                closing: Closing::No,
+            },
+            Then::Safe { until_ms } => Phase::Safe { next: 0, until_ms },
+        };
+        if tries > 1 {
+            // The earlier tries may be answered too; those acknowledge nothing.
+            self.answers.drain(now_ms);
+        }
+    }
+
+    /// The job cannot go on. Where the link may still work, the printer is made
+    /// safe before the end is told.
+    fn fail(&mut self, failure: Failure, now_ms: u64) {
+        if self.is_over() {
+            return;
+        }
+        if self.ending.is_some() {
+            // Already on the way out: one more failure means that it did not work.
+            match self.phase {
+                Phase::WindDown { .. } => self.make_safe(now_ms),
+                _ => self.end_early(Safety::Unknown),
+            }
+            return;
+        }
+        let ending = Ending::Failed(failure);
+        self.ending = Some(ending.clone());
+        if !self.touched {
+            self.end_early(Safety::Untouched);
+            return;
+        }
+        self.tell(Event::Stopping(ending));
+        self.make_safe(now_ms);
+    }
+
+    /// The firmware has stopped or started again by itself: heaters are off and
+    /// nothing more can be done.
+    fn fail_at_once(&mut self, failure: Failure) {
+        self.ending.get_or_insert(Ending::Failed(failure));
+        self.end_early(match self.touched {
+            true => Safety::ByFirmware,
+            false => Safety::Untouched,
+        });
+    }
+
+    /// Starts the safe sequence. Its lines are numbered from 1 again: after a
+    /// garbled resend request our count and the printer's may differ, and a line
+    /// that switches heaters off must not be dropped as a repeat.
+    fn make_safe(&mut self, now_ms: u64) {
+        self.pending.full = false;
+        let patience_ms = match self.ending {
+            Some(Ending::Cancelled) => SAFE_AFTER_CANCEL_MS,
+            _ => SAFE_AFTER_FAILURE_MS,
+        };
+        let until_ms = now_ms + patience_ms;
+        self.number(Then::Safe { until_ms }, 0, now_ms);
+    }
+
+    fn end_early(&mut self, safety: Safety) {
+        let ending = self.ending.clone().unwrap_or(Ending::Cancelled);
+        self.end(Outcome::Stopped { ending, safety });
+    }
+
+    fn end(&mut self, outcome: Outcome) {
+        if !self.is_over() {
+            self.phase = Phase::Ended;
+            self.out.clear();
+            self.out_at = 0;
+            self.tell(Event::Ended(outcome));
+        }
+    }
+
+    fn tell(&mut self, event: Event) {
+        let must = matches!(
+            event,
+            Event::Connected { .. } | Event::Stopping(_) | Event::Ended(_)
+        );
+        if must || self.events.len() < MAX_EVENTS {
+            self.events.push_back(event);
+        }
+    }
+
+    // ---- sending ----
+
+    /// Sends all that may go now.
+    fn pump(&mut self, now_ms: u64) {
+        if self.answers.is_draining() {
+            return;
+        }
+        loop {
+            while self.send_next(false, now_ms) {}
+            if !self.window.all_sent() {
+                return;
+            }
+            let more = match self.phase {
+                Phase::Identify { asked } => self.identify(asked, now_ms),
+                Phase::Job { closing } => self.push_job(closing, now_ms),
+                Phase::WindDown { interrupt, .. } => self.wind_down(interrupt, now_ms),
+                Phase::Safe { next, until_ms } => self.push_safe(next, until_ms),
+                _ => false,
+            };
+            if !more {
+                return;
+            }
+        }
+    }
+
+    /// Sends the line at the cursor if the window has room or `force` is set.
+    fn send_next(&mut self, force: bool, now_ms: u64) -> bool {
+        if !matches!(
+            self.phase,
+            Phase::Identify { .. }
+                | Phase::Job { .. }
+                | Phase::WindDown { .. }
+                | Phase::Safe { .. }
+        ) {
+            return false;
+        }
+        // A line on a quiet wire starts the wait for its answer.
+        let was_idle = self.window.is_idle();
+        let sent = self.window.send_next(&mut self.out, force);
+        if sent {
+            self.lines_sent += 1;
+            if was_idle {
+                self.stall.progress(now_ms);
+            }
+        }
+        sent
+    }
+
+    fn identify(&mut self, asked: u8, now_ms: u64) -> bool {
+        if !self.window.is_idle() {
+            return false;
+        }
+        let report = format!("M155 S{AUTO_REPORT_S}");
+        let (command, step) = match asked {
+            0 => ("M115", 1),
+            1 if self.printer.auto_report => (report.as_str(), 2),
+            // An `ok` of before we came may have been taken for one of ours: the
+            // job begins in step.
+            _ if self.prove() => return true,
+            _ => {
+                self.tell(Event::Connected {
+                    firmware: self.printer.firmware.clone(),
+                    auto_temperatures: self.printer.auto_report,
+                    emergency_parser: self.printer.emergency_parser,
+                });
+                self.phase = Phase::Job {
+                    closing: Closing::No,
+                };
+                self.poll_ms = now_ms;
+                return true;
+            }
+        };
+        self.phase = Phase::Identify { asked: step };
+        self.push_own(command.as_bytes(), Kind::Quick)
+    }
+
+    fn push_job(&mut self, closing: Closing, now_ms: u64) -> bool {
+        if self.poll(now_ms) {
+            return true;
+        }
+        if self.pending.full {
+            return self.push_pending(now_ms);
+        }
+        match closing {
+            Closing::No => false,
+            Closing::Drained => {
+                self.phase = Phase::Job {
+                    closing: Closing::Settling,
+                };
+                self.proof_tries = 0;
+                self.push_own(b"M400", Kind::Long)
+            }
+            Closing::Settling => {
+                if !self.window.is_idle() {
+                    return false;
+                }
+                if self.prove() {
+                    return true;
+                }
+                self.end(Outcome::Finished);
+                false
+            }
+        }
+    }
+
+    /// Pushes an M105 unless the last lines are proved to be accepted (an `ok`
+    /// alone does not prove it). Call when nothing is in flight.
+    fn prove(&mut self) -> bool {
+        if self.answers.proved() || self.proof_tries >= PROOF_TRIES {
+            return false;
+        }
+        self.proof_tries += 1;
+        self.push_own(b"M105", Kind::AskTemperature)
+    }
+
+    /// Asks for temperatures where the firmware does not report them, in the
+    /// line's turn and within the window.
+    fn poll(&mut self, now_ms: u64) -> bool {
+        if self.printer.auto_report || now_ms < self.poll_ms {
+            return false;
+        }
+        self.poll_ms = now_ms + POLL_MS;
+        let len = framed_len(self.window.next(), 4) + 1;
+        let waits = self.window.in_flight().any(|tag| tag.kind != Kind::Quick);
+        if waits || !self.window.has_room(len) {
+            return false;
+        }
+        self.push_own(b"M105", Kind::AskTemperature)
+    }
+
+    fn push_pending(&mut self, now_ms: u64) -> bool {
+        let (n, job_line) = (self.window.next(), self.pending.job_line);
+        let fitted = match fit(n, &self.pending.command, self.settings.max_line) {
+            Ok(command) => command,
+            Err(_) if n > 1 => return self.renumber(now_ms),
+            Err(too_long) => {
+                self.fail(
+                    Failure::LineTooLong {
+                        job_line,
+                        framed_len: too_long.framed_len,
+                    },
+                    now_ms,
+                );
+                return false;
+            }
+        };
+        if !self.window.has_room(framed_len(n, fitted.len()) + 1) {
+            return false;
+        }
+        let kind = kind_of(fitted);
+        if !self.window.push(fitted, Tag { job_line, kind }) {
+            return self.renumber(now_ms);
+        }
+        self.answers.unproved();
+        self.proof_tries = 0;
+        self.pending.full = false;
+        self.touched = true;
+        true
+    }
+
+    /// Our own lines between the job's have made the numbers longer than the
+    /// check of the file foresaw (or they are used up): count from 0 again, once
+    /// all that was sent is proved to be accepted.
+    fn renumber(&mut self, now_ms: u64) -> bool {
+        if !self.window.is_idle() {
+            return false;
+        }
+        if self.prove() {
+            return true;
+        }
+        self.number(Then::Job, 0, now_ms);
+        false
+    }
+
+    /// Waits until nothing is in flight; ends a wait for heat if that is possible.
+    fn wind_down(&mut self, interrupt: bool, now_ms: u64) -> bool {
+        if self.window.is_idle() {
+            self.make_safe(now_ms);
+            return false;
+        }
+        if let Phase::WindDown { interrupt, .. } = &mut self.phase {
+            *interrupt = false;
+        }
+        let waits = |tag: Tag| matches!(tag.kind, Kind::Heat | Kind::User);
+        if interrupt && self.window.in_flight().any(waits) {
+            self.push_own(b"M108", Kind::Quick);
+            self.send_next(true, now_ms);
+        }
+        false
+    }
+
+    fn push_safe(&mut self, next: usize, until_ms: u64) -> bool {
+        let Some(line) = self.settings.cancel_macro.get(next) else {
+            if !self.window.is_idle() {
+                return false;
+            }
+            // An `ok` from before the failure must not pass for that of the line
+            // that switches the heaters off.
+            if self.prove() {
+                return true;
+            }
+            self.end_early(Safety::Acknowledged);
+            return false;
+        };
+        let n = self.window.next();
+        let mut scratch = Vec::new();
+        let command = sendable(line.as_bytes(), &mut scratch)
+            .and_then(|command| fit(n, command, self.settings.max_line).ok());
+        if let Some(command) = command {
+            if !self.window.has_room(framed_len(n, command.len()) + 1) {
+                return false;
+            }
+            self.answers.unproved();
+            self.window.push(command, own(kind_of(command)));
+        }
+        self.phase = Phase::Safe {
+            next: next + 1,
+            until_ms,
+        };
+        true
+    }
+
+    fn push_own(&mut self, command: &[u8], kind: Kind) -> bool {
+        self.answers.unproved();
+        self.window.push(command, own(kind))
+    }
+}

@@ -1,0 +1,339 @@
+//! What the session makes of the printer's lines: acknowledgements, resend
+//! requests, reports.
+use super::settings::*;
+use super::{Event, Failure, Phase, Session, Then};
+use crate::printer::reply::{Ack, Reply, parse};
+use crate::printer::window::Kind;
+
+/// What is remembered between the printer's lines.
+#[derive(Debug, Default)]
+pub(super) struct Answers {
+    bytes: u64,
+    understood: u64,
+    drain: Option<Drain>,
+    /// The `ok` that may follow a resend request acknowledges nothing.
+    swallow_ok: bool,
+    /// The last `ok` was M105's, and nothing of the job was sent after it.
+    proved: bool,
+    /// Line of the last resend request, and how often in a row it was asked for.
+    resend_line: u32,
+    resend_rounds: u32,
+    odd_requests: u32,
+    resends: u64,
+    warned: bool,
+}
+
+/// A resend request came: nothing is sent until the wire is quiet.
+#[derive(Debug, Clone, Copy)]
+struct Drain {
+    /// The line asked for; `None` when the request was beyond what we have.
+    line: Option<u32>,
+    quiet_ms: u64,
+    latest_ms: u64,
+}
+
+impl Answers {
+    pub(super) fn heard(&mut self, bytes: usize, now_ms: u64) {
+        self.bytes = self.bytes.saturating_add(bytes as u64);
+        if let Some(drain) = &mut self.drain {
+            drain.quiet_ms = now_ms + DRAIN_QUIET_MS;
+        }
+    }
+
+    pub(super) fn no_answer(&self) -> Failure {
+        Failure::NoAnswer {
+            bytes: self.bytes,
+            lines: self.understood,
+        }
+    }
+
+    /// Starts to wait for silence.
+    pub(super) fn drain(&mut self, now_ms: u64) {
+        self.drain_for(Some(0), now_ms);
+    }
+
+    fn drain_for(&mut self, line: Option<u32>, now_ms: u64) {
+        self.drain = Some(Drain {
+            line,
+            quiet_ms: now_ms + DRAIN_QUIET_MS,
+            latest_ms: now_ms + DRAIN_MAX_MS,
+        });
+    }
+
+    pub(super) fn forget_drain(&mut self) {
+        self.drain = None;
+        self.swallow_ok = false;
+    }
+
+    pub(super) fn is_draining(&self) -> bool {
+        self.drain.is_some()
+    }
+
+    pub(super) fn drain_ends_ms(&self) -> Option<u64> {
+        self.drain.map(|d| d.quiet_ms.min(d.latest_ms))
+    }
+
+    pub(super) fn proved(&self) -> bool {
+        self.proved
+    }
+
+    pub(super) fn unproved(&mut self) {
+        self.proved = false;
+    }
+}
+
+impl Session {
+    pub(super) fn on_line(&mut self, line: &[u8], now_ms: u64) {
+        if self.is_over() {
+            return;
+        }
+        let reply = parse(line);
+        if !matches!(reply, Reply::Other(_)) {
+            self.answers.understood += 1;
+        }
+        match reply {
+            Reply::Ok(ack) => self.on_ok(ack, now_ms),
+            Reply::Resend(n) => self.on_resend(n, now_ms),
+            Reply::Refused { last_line, text } => {
+                self.tell(Event::PrinterError(lossy(text)));
+                self.on_resend(last_line.saturating_add(1), now_ms);
+            }
+            Reply::Fatal(text) => self.on_fatal(text, now_ms),
+            Reply::Start => self.on_start(now_ms),
+            Reply::Busy(busy) => {
+                self.on_busy(now_ms);
+                self.tell(Event::Busy(busy));
+            }
+            Reply::Wait => self.on_wait(now_ms),
+            Reply::Temperatures(t) => self.tell(Event::Temperatures(t)),
+            Reply::Position(p) => self.tell(Event::Position(p)),
+            Reply::Firmware(name) => self.printer.firmware = Some(lossy(name)),
+            Reply::Capability { name, present } => match name {
+                b"AUTOREPORT_TEMP" => self.printer.auto_report = present,
+                b"EMERGENCY_PARSER" => self.printer.emergency_parser = present,
+                _ => {}
+            },
+            Reply::Action(action) => self.tell(Event::Action(lossy(action))),
+            Reply::UnknownCommand(text) => self.tell(Event::UnknownCommand(lossy(text))),
+            Reply::Error(text) => self.tell(Event::PrinterError(lossy(text))),
+            Reply::Note(text) | Reply::Other(text) => self.tell(Event::Note(lossy(text))),
+        }
+        if let Phase::Boot {
+            speak_ms,
+            latest_ms,
+        } = &mut self.phase
+        {
+            // While the printer still prints its settings, it would not listen.
+            *speak_ms = (*speak_ms).max(now_ms + BOOT_QUIET_MS).min(*latest_ms);
+        }
+    }
+
+    fn on_ok(&mut self, ack: Ack, now_ms: u64) {
+        if let Some(t) = ack.temperatures {
+            self.tell(Event::Temperatures(t));
+        }
+        if let Phase::Numbering { then, tries, .. } = self.phase {
+            // M110's `ok` is bare; one with temperatures answers an older M105.
+            if ack.temperatures.is_none() {
+                self.numbered(then, tries, now_ms);
+            }
+            return;
+        }
+        let bare = ack.line.is_none() && ack.temperatures.is_none();
+        if bare && std::mem::take(&mut self.answers.swallow_ok) {
+            return;
+        }
+        let before = self.window.acked();
+        let asked = self.window.find_in_flight(Kind::AskTemperature);
+        match (ack.line, ack.temperatures.and(asked)) {
+            (_, Some(n)) => {
+                self.window.ack_through(n);
+                self.answers.proved = self.window.is_idle() && self.window.all_sent();
+            }
+            // A number below the flight was acknowledged by a later one already;
+            // one beyond it is garbled, but an `ok` all the same.
+            (Some(n), None) if n < self.window.cursor() => self.window.ack_through(n),
+            _ => {
+                self.window.ack_one();
+            }
+        }
+        if self.window.acked() != before {
+            self.acked(before, now_ms);
+        }
+    }
+
+    /// Lines from `from` on were acknowledged.
+    pub(super) fn acked(&mut self, from: u32, now_ms: u64) {
+        let upto = self.window.acked();
+        let newest = (from..upto)
+            .rev()
+            .find_map(|n| self.window.tag(n).filter(|tag| tag.job_line > 0));
+        if let Some(tag) = newest {
+            self.job_acked = self.job_acked.max(tag.job_line);
+        }
+        self.stall.progress(now_ms);
+        self.stall.acked(upto);
+        // The `ok` of a line proves nothing, that of the next but one does.
+        if upto > self.answers.resend_line.saturating_add(1) {
+            self.answers.resend_rounds = 0;
+        }
+    }
+
+    /// The printer wants line `n` and what follows it again.
+    fn on_resend(&mut self, n: u32, now_ms: u64) {
+        match self.phase {
+            Phase::Boot { .. } | Phase::Ended => return,
+            Phase::Numbering { then, tries, .. } => {
+                // M110 itself was damaged, or older lines are still refused.
+                let retry_ms = now_ms + DRAIN_QUIET_MS;
+                self.phase = Phase::Numbering {
+                    then,
+                    tries,
+                    retry_ms,
+                };
+                return;
+            }
+            _ => {}
+        }
+        self.stall.progress(now_ms);
+        self.answers.swallow_ok = true;
+        self.answers.proved = false;
+        let known = n >= self.window.first() && n <= self.window.next();
+        let wanted = known.then_some(n);
+        if self.answers.drain.is_some_and(|d| d.line == wanted) {
+            // `Error:… Last Line` and `Resend`, or more lines of the same burst.
+            return;
+        }
+        self.answers.drain_for(wanted, now_ms);
+        if known {
+            self.rewind(n, now_ms);
+        } else {
+            self.odd_request(n, now_ms);
+        }
+    }
+
+    fn rewind(&mut self, n: u32, now_ms: u64) {
+        self.answers.odd_requests = 0;
+        self.window.rewind(n);
+        if n == self.window.next() {
+            // Nothing is missing (M999 asks so).
+            return;
+        }
+        self.tell(Event::Resend { n });
+        self.count_resend(n);
+        if self.answers.resend_rounds > MAX_RESENDS {
+            let text = self.window.line(n).map_or(String::new(), |l| lossy(&l));
+            let resends = self.answers.resend_rounds - 1;
+            self.fail(Failure::Resends { n, text, resends }, now_ms);
+        } else if self.ending.is_some() && matches!(self.phase, Phase::WindDown { .. }) {
+            // What was refused after a cancel is not sent again.
+            self.window.truncate();
+        }
+    }
+
+    fn count_resend(&mut self, n: u32) {
+        let answers = &mut self.answers;
+        if answers.resend_line != n {
+            (answers.resend_line, answers.resend_rounds) = (n, 0);
+        }
+        answers.resend_rounds += 1;
+        answers.resends += 1;
+        let (resends, lines) = (answers.resends, self.lines_sent);
+        if !answers.warned
+            && lines >= RESEND_WARNING_LINES
+            && resends * 100 > lines * RESEND_WARNING_PERCENT
+        {
+            answers.warned = true;
+            self.tell(Event::ManyResends { resends, lines });
+        }
+    }
+
+    /// A request that cannot be met. It may be garbled: what is in flight is
+    /// lost, so a probe makes the printer ask again.
+    fn odd_request(&mut self, n: u32, now_ms: u64) {
+        self.answers.odd_requests += 1;
+        let tries = self.answers.odd_requests;
+        match self.phase {
+            _ if tries >= MAX_ODD_REQUESTS => {
+                let (first, last) = (self.window.first(), self.window.next() - 1);
+                self.fail(Failure::OddRequest { n, first, last }, now_ms);
+            }
+            // M110 did not arrive although something was acknowledged.
+            Phase::Identify { .. } => self.number(Then::Identify, tries, now_ms),
+            Phase::Safe { until_ms, .. } => self.number(Then::Safe { until_ms }, tries, now_ms),
+            _ => {}
+        }
+    }
+
+    /// Sends again once the stale answers are through.
+    pub(super) fn end_drain(&mut self, now_ms: u64) {
+        if self.answers.drain_ends_ms().is_none_or(|at| now_ms < at) {
+            return;
+        }
+        let odd = self.answers.drain.take().is_some_and(|d| d.line.is_none());
+        self.answers.swallow_ok = false;
+        self.stall.progress(now_ms);
+        if odd {
+            self.probe(now_ms);
+        }
+    }
+
+    fn on_fatal(&mut self, text: &[u8], now_ms: u64) {
+        let failure = Failure::Fatal { text: lossy(text) };
+        if text.starts_with(b"!!") {
+            // Klipper says so of a refused command too, with heaters left on.
+            self.fail(failure, now_ms);
+        } else {
+            self.fail_at_once(failure);
+        }
+    }
+
+    fn on_start(&mut self, now_ms: u64) {
+        match self.phase {
+            Phase::Boot { latest_ms, .. } => {
+                let speak_ms = now_ms + BOOT_QUIET_MS;
+                self.phase = Phase::Boot {
+                    speak_ms,
+                    latest_ms: latest_ms.max(speak_ms),
+                };
+            }
+            // It boots while we ask: what was sent before is lost.
+            Phase::Numbering {
+                then: Then::Identify,
+                ..
+            }
+            | Phase::Identify { .. } => {
+                self.window.reset();
+                self.answers.forget_drain();
+                self.phase = Phase::Boot {
+                    speak_ms: now_ms + BOOT_QUIET_MS,
+                    latest_ms: now_ms + BOOT_MAX_MS,
+                };
+            }
+            _ => {
+                let job_line = self.job_acked;
+                self.fail_at_once(Failure::Reset { job_line });
+            }
+        }
+    }
+
+    fn on_busy(&mut self, now_ms: u64) {
+        self.stall.busy(now_ms);
+        if let Phase::Numbering { retry_ms, .. } = &mut self.phase {
+            // Someone else's command still runs; M110 waits behind it.
+            *retry_ms = now_ms + HANDSHAKE_TRY_MS + PROBE_AFTER_MS;
+        }
+    }
+
+    /// The printer has nothing to do: whatever we wait for is lost.
+    fn on_wait(&mut self, now_ms: u64) {
+        if !self.window.is_idle() && !self.answers.is_draining() && !self.stall.is_probing() {
+            self.probe(now_ms);
+        }
+    }
+}
+
+/// The printer's bytes as text; what is no UTF-8 becomes a replacement mark.
+fn lossy(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
