@@ -190,6 +190,7 @@ fn a_macro_beside_the_users_profile_comes_first() {
 fn names_and_files_that_are_not_there() {
     let say = |name: &str| load_printer(name).unwrap_err().to_string();
     assert!(say("prusa-mk3").contains("did you mean prusa-mk3s?"));
+    assert!(say("mk3s").contains("did you mean prusa-mk3s?"));
     assert!(say("zzz").contains("outrigger profile list"));
     assert!(say("./none.toml").contains("./none.toml"));
     assert!(say("/").contains("/"));

@@ -148,7 +148,10 @@ impl Firmware {
         }
     }
 
-    /// A line error: the receive buffer goes, a resend is asked for.
+    /// A line error: the receive buffer goes, a resend is asked for. What is
+    /// still on the wire comes afterwards, and if the buffer ended in the
+    /// middle of a line, the rest of that line comes as a line of its own: so
+    /// it is on a real board.
     pub(super) fn refuse(&mut self, why: &str) {
         let last = self.numbering.last;
         self.line.clear();
