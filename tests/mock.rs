@@ -49,24 +49,11 @@ impl Mock {
     /// Ends it with a signal; gives its statistics.
     fn end(mut self, signal: &str) -> serde_json::Value {
         let kill = format!("kill -{signal} {}", self.child.id());
-        assert!(
-            Command::new("sh")
-                .args(["-c", &kill])
-                .status()
-                .unwrap()
-                .success()
-        );
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
         assert!(self.child.wait().unwrap().success());
-        assert!(
-            self.path("tty").symlink_metadata().is_err(),
-            "a link is left"
-        );
+        assert!(self.path("tty").symlink_metadata().is_err(), "a link is left");
         let names: Vec<_> = std::fs::read_dir(self.folder.path()).unwrap().collect();
-        assert_eq!(
-            names.len(),
-            2,
-            "faults and statistics alone are left: {names:?}"
-        );
+        assert_eq!(names.len(), 2, "faults and statistics alone are left: {names:?}");
         let text = std::fs::read_to_string(self.path("stats.json")).unwrap();
         serde_json::from_str(&text).unwrap()
     }
@@ -87,12 +74,7 @@ struct Port {
 impl Port {
     fn open(path: &Path) -> Self {
         let no_ctty = rustix::fs::OFlags::NOCTTY.bits().cast_signed();
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .custom_flags(no_ctty)
-            .open(path)
-            .unwrap();
+        let file = OpenOptions::new().read(true).write(true).custom_flags(no_ctty).open(path).unwrap();
         Self { file }
     }
 
@@ -142,10 +124,7 @@ fn a_session_on_the_wire() {
     let mock = Mock::start(&["--baud", "0", "--advanced-ok", "--dtr-reset"], "");
     let mut port = mock.open();
     let boot = port.until("Loaded\n");
-    assert!(
-        boot.starts_with("start\n External Reset\nMarlin 2.1.2.1\n"),
-        "{boot}"
-    );
+    assert!(boot.starts_with("start\n External Reset\nMarlin 2.1.2.1\n"), "{boot}");
     port.send("N0 M110 N0*125\n");
     assert_eq!(port.until("\n"), "ok N0 P15 B3\n");
     let good = [numbered(1, "G90"), numbered(2, "G1 X1 F6000")].concat();
@@ -157,10 +136,7 @@ fn a_session_on_the_wire() {
     );
     port.send(&numbered(3, "M105"));
     let temperatures = port.until("\n");
-    assert!(
-        temperatures.starts_with("ok T:22.00 /0.00 B:22.00 /0.00"),
-        "{temperatures}"
-    );
+    assert!(temperatures.starts_with("ok T:22.00 /0.00 B:22.00 /0.00"), "{temperatures}");
     let stats = mock.end("TERM");
     assert_eq!(stats["checksum_errors"], 1);
     assert_eq!(stats["moves"], 1);
@@ -219,11 +195,7 @@ fn what_cannot_be_is_said_in_one_line() {
     std::fs::write(&bad, "[random]\ndrop_okay = 1").unwrap();
     let none = folder.path().join("no/such");
     let check = |args: &[&str], code: i32, expect: &str| {
-        let out = Command::new(env!("CARGO_BIN_EXE_outrigger"))
-            .arg("mock")
-            .args(args)
-            .output()
-            .unwrap();
+        let out = Command::new(env!("CARGO_BIN_EXE_outrigger")).arg("mock").args(args).output().unwrap();
         let said = String::from_utf8_lossy(&out.stderr).into_owned();
         assert_eq!(out.status.code(), Some(code), "{args:?}: {said}");
         assert!(said.contains(expect), "{args:?}: {said}");
@@ -242,15 +214,8 @@ fn what_cannot_be_is_said_in_one_line() {
 
 #[test]
 fn in_a_thread_of_this_process() {
-    let config = mock::Config {
-        baud: 0,
-        ..mock::Config::default()
-    };
-    let handle = mock::spawn(mock::Options {
-        config,
-        ..mock::Options::default()
-    })
-    .unwrap();
+    let config = mock::Config { baud: 0, ..mock::Config::default() };
+    let handle = mock::spawn(mock::Options { config, ..mock::Options::default() }).unwrap();
     let path = handle.path().to_owned();
     let mut port = Port::open(&path);
     port.send("M115\n");

@@ -2,11 +2,7 @@
 use std::process::{Command, Output};
 
 fn run(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_outrigger"))
-        .arg("profile")
-        .args(args)
-        .output()
-        .unwrap()
+    Command::new(env!("CARGO_BIN_EXE_outrigger")).arg("profile").args(args).output().unwrap()
 }
 
 /// Exit code, and words on standard output and on standard error.
@@ -17,27 +13,14 @@ fn check(args: &[&str], code: i32, out: &str, err: &str) {
     assert_eq!(found.status.code(), Some(code), "{args:?}: {complained}");
     assert!(said.contains(out), "{args:?}: {said}");
     assert!(complained.contains(err), "{args:?}: {complained}");
-    assert!(
-        err.is_empty() == complained.is_empty(),
-        "{args:?}: {complained}"
-    );
+    assert!(err.is_empty() == complained.is_empty(), "{args:?}: {complained}");
 }
 
 #[test]
 fn list_and_show() {
     check(&["list"], 0, "prusa-mk3s", "");
-    check(
-        &["list", "--json"],
-        0,
-        "\"title\": \"PLA (polylactic acid)\"",
-        "",
-    );
-    check(
-        &["show", "ender-3"],
-        0,
-        "# Bore of the stock nozzle, mm\nnozzle_mm = 0.4\n",
-        "",
-    );
+    check(&["list", "--json"], 0, "\"title\": \"PLA (polylactic acid)\"", "");
+    check(&["show", "ender-3"], 0, "# Bore of the stock nozzle, mm\nnozzle_mm = 0.4\n", "");
     check(&["show", "petg"], 0, "density_g_cm3 = 1.27", "");
     check(&["show", "ender-3", "--json"], 0, "\"dtr_reset\": true", "");
     check(&["show", "ender-33"], 1, "", "did you mean ender-3?");
@@ -55,21 +38,12 @@ fn what_is_shown_can_be_changed_and_checked() {
     check(&["check", path], 0, "printer \"mine\" is valid", "");
     let wrong = named.replace("max_line", "max_lines");
     std::fs::write(&mine, &wrong).unwrap();
-    let line = 1 + wrong
-        .lines()
-        .position(|l| l.starts_with("max_lines"))
-        .unwrap();
-    let complaint = format!(
-        "mine.toml, line {line}: unknown key serial.max_lines; did you mean serial.max_line?"
-    );
+    let line = 1 + wrong.lines().position(|l| l.starts_with("max_lines")).unwrap();
+    let complaint =
+        format!("mine.toml, line {line}: unknown key serial.max_lines; did you mean serial.max_line?");
     check(&["check", path], 1, "", &complaint);
     check(&["check", path, "/none.toml"], 1, "", "/none.toml");
     std::fs::write(&mine, [0xff, 0xfe, 0]).unwrap();
     check(&["check", path], 1, "", "UTF-8");
-    check(
-        &["check", folder.path().to_str().unwrap()],
-        1,
-        "",
-        "directory",
-    );
+    check(&["check", folder.path().to_str().unwrap()], 1, "", "directory");
 }

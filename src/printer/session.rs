@@ -53,11 +53,7 @@ enum Phase {
     /// Listening for `start` until it is time to speak.
     Boot { speak_ms: u64, latest_ms: u64 },
     /// M110 was sent; its `ok` leads on.
-    Numbering {
-        then: Then,
-        tries: u32,
-        retry_ms: u64,
-    },
+    Numbering { then: Then, tries: u32, retry_ms: u64 },
     /// Asking who is there: 0 nothing, 1 M115, 2 M155 sent.
     Identify { asked: u8 },
     /// Feeding the job; `closing` once its last line is in the window.
@@ -176,11 +172,9 @@ impl Session {
             Phase::Boot { speak_ms, .. } if now_ms >= speak_ms => {
                 self.number(Then::Identify, 0, now_ms);
             }
-            Phase::Numbering {
-                then,
-                tries,
-                retry_ms,
-            } if now_ms >= retry_ms => self.number(then, tries, now_ms),
+            Phase::Numbering { then, tries, retry_ms } if now_ms >= retry_ms => {
+                self.number(then, tries, now_ms)
+            }
             Phase::WindDown { until_ms, .. } if now_ms >= until_ms => self.make_safe(now_ms),
             Phase::Safe { until_ms, .. } if now_ms >= until_ms => self.end_early(Safety::Unknown),
             _ => {}
@@ -196,12 +190,7 @@ impl Session {
 
     /// Whether [`Session::feed`] would take a line.
     pub fn wants_line(&self) -> bool {
-        matches!(
-            self.phase,
-            Phase::Job {
-                closing: Closing::No
-            }
-        ) && !self.pending.full
+        matches!(self.phase, Phase::Job { closing: Closing::No }) && !self.pending.full
     }
 
     /// Gives the next line of the job: a command without comment or number (see
@@ -254,10 +243,8 @@ impl Session {
         self.pending.full = false;
         // What the printer asked for again it shall not get.
         self.window.truncate();
-        self.phase = Phase::WindDown {
-            until_ms: now_ms + WIND_DOWN_MS,
-            interrupt: self.printer.emergency_parser,
-        };
+        self.phase =
+            Phase::WindDown { until_ms: now_ms + WIND_DOWN_MS, interrupt: self.printer.emergency_parser };
         self.pump(now_ms);
     }
 
@@ -340,11 +327,7 @@ impl Session {
         self.out.push(b'\n');
         frame(0, b"M110 N0", &mut self.out);
         self.answers.forget_drain();
-        self.phase = Phase::Numbering {
-            then,
-            tries: tries + 1,
-            retry_ms: now_ms + HANDSHAKE_TRY_MS,
-        };
+        self.phase = Phase::Numbering { then, tries: tries + 1, retry_ms: now_ms + HANDSHAKE_TRY_MS };
     }
 
     /// M110 was acknowledged.
@@ -354,9 +337,7 @@ impl Session {
         self.proof_tries = 0;
         self.phase = match then {
             Then::Identify => Phase::Identify { asked: 0 },
-            Then::Job => Phase::Job {
-                closing: Closing::No,
-            },
+            Then::Job => Phase::Job { closing: Closing::No },
             Then::Safe { until_ms } => Phase::Safe { next: 0, until_ms },
         };
         if tries > 1 {
@@ -427,10 +408,7 @@ impl Session {
     }
 
     fn tell(&mut self, event: Event) {
-        let must = matches!(
-            event,
-            Event::Connected { .. } | Event::Stopping(_) | Event::Ended(_)
-        );
+        let must = matches!(event, Event::Connected { .. } | Event::Stopping(_) | Event::Ended(_));
         if must || self.events.len() < MAX_EVENTS {
             self.events.push_back(event);
         }
@@ -465,10 +443,7 @@ impl Session {
     fn send_next(&mut self, force: bool, now_ms: u64) -> bool {
         if !matches!(
             self.phase,
-            Phase::Identify { .. }
-                | Phase::Job { .. }
-                | Phase::WindDown { .. }
-                | Phase::Safe { .. }
+            Phase::Identify { .. } | Phase::Job { .. } | Phase::WindDown { .. } | Phase::Safe { .. }
         ) {
             return false;
         }
@@ -501,9 +476,7 @@ impl Session {
                     auto_temperatures: self.printer.auto_report,
                     emergency_parser: self.printer.emergency_parser,
                 });
-                self.phase = Phase::Job {
-                    closing: Closing::No,
-                };
+                self.phase = Phase::Job { closing: Closing::No };
                 self.poll_ms = now_ms;
                 return true;
             }
@@ -522,9 +495,7 @@ impl Session {
         match closing {
             Closing::No => false,
             Closing::Drained => {
-                self.phase = Phase::Job {
-                    closing: Closing::Settling,
-                };
+                self.phase = Phase::Job { closing: Closing::Settling };
                 self.proof_tries = 0;
                 self.push_own(b"M400", Kind::Long)
             }
@@ -572,13 +543,7 @@ impl Session {
             Ok(command) => command,
             Err(_) if n > 1 => return self.renumber(now_ms),
             Err(too_long) => {
-                self.fail(
-                    Failure::LineTooLong {
-                        job_line,
-                        framed_len: too_long.framed_len,
-                    },
-                    now_ms,
-                );
+                self.fail(Failure::LineTooLong { job_line, framed_len: too_long.framed_len }, now_ms);
                 return false;
             }
         };
@@ -651,10 +616,7 @@ impl Session {
             self.answers.unproved();
             self.window.push(command, own(kind_of(command)));
         }
-        self.phase = Phase::Safe {
-            next: next + 1,
-            until_ms,
-        };
+        self.phase = Phase::Safe { next: next + 1, until_ms };
         true
     }
 

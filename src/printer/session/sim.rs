@@ -18,13 +18,8 @@ struct Habits {
     exec_ms: u64,
 }
 
-const MARLIN: Habits = Habits {
-    advanced_ok: false,
-    resend_ok: true,
-    m105_brings_temperatures: true,
-    rx_bytes: 128,
-    exec_ms: 1,
-};
+const MARLIN: Habits =
+    Habits { advanced_ok: false, resend_ok: true, m105_brings_temperatures: true, rx_bytes: 128, exec_ms: 1 };
 
 #[derive(Debug)]
 struct Firmware {
@@ -97,15 +92,11 @@ impl Firmware {
             return;
         };
         let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
-        let n: u32 = String::from_utf8_lossy(&rest[..digits])
-            .parse()
-            .unwrap_or(0);
+        let n: u32 = String::from_utf8_lossy(&rest[..digits]).parse().unwrap_or(0);
         let star = line.iter().rposition(|b| *b == b'*');
         let command = &rest[digits..star.map_or(rest.len(), |s| s - 1).max(digits)];
         let command = String::from_utf8_lossy(command).trim().to_owned();
-        let m110 = command
-            .strip_prefix("M110 N")
-            .and_then(|n| n.parse::<u32>().ok());
+        let m110 = command.strip_prefix("M110 N").and_then(|n| n.parse::<u32>().ok());
         if n != self.last + 1 && m110.is_none() {
             // A repeat of the last two lines is dropped without a word.
             if n == self.last || n + 1 == self.last {
@@ -117,11 +108,8 @@ impl Firmware {
             return self.refuse("No Checksum with line number");
         };
         let sum = line[..star].iter().fold(0_u8, |s, b| s ^ b);
-        let digits: String = line[star + 1..]
-            .iter()
-            .map(|b| char::from(*b))
-            .take_while(char::is_ascii_digit)
-            .collect();
+        let digits: String =
+            line[star + 1..].iter().map(|b| char::from(*b)).take_while(char::is_ascii_digit).collect();
         // Two lines that a damaged line feed has made one pass the check of real
         // firmware once in 256 times, whatever the sender does. Not here: the
         // subject is the sender.
@@ -145,13 +133,11 @@ impl Firmware {
     fn run(&mut self, n: Option<u32>, command: &str) {
         let known = n.is_some() || command.starts_with(['G', 'M']);
         if command == "M105" && self.habits.m105_brings_temperatures {
-            self.replies
-                .push("ok T:20.0 /0.0 B:20.0 /0.0 @:0 B@:0".into());
+            self.replies.push("ok T:20.0 /0.0 B:20.0 /0.0 @:0 B@:0".into());
             return;
         }
         if !known {
-            self.replies
-                .push(format!("echo:Unknown command: \"{command}\""));
+            self.replies.push(format!("echo:Unknown command: \"{command}\""));
         } else if n.is_some() {
             self.accepted.push(command.to_owned());
         }
@@ -175,11 +161,7 @@ struct Noise {
     lose_in: u64,
 }
 
-const QUIET: Noise = Noise {
-    damage_out: 0,
-    damage_in: 0,
-    lose_in: 0,
-};
+const QUIET: Noise = Noise { damage_out: 0, damage_in: 0, lose_in: 0 };
 
 /// A small generator, so that a run depends on its seed alone.
 struct Dice {
@@ -197,10 +179,8 @@ impl Dice {
     }
 
     fn roll(&mut self, below: u64) -> u64 {
-        self.state = self
-            .state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        self.state =
+            self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.state >> 33) % below
     }
 
@@ -226,24 +206,11 @@ struct Run {
 }
 
 /// Prints `jobs` lines and returns what became of them.
-fn print(
-    habits: Habits,
-    limit: crate::printer::window::Limit,
-    jobs: u64,
-    noise: Noise,
-    seed: u64,
-) -> Run {
-    let settings = Settings {
-        window: limit,
-        boot_wait_ms: 10,
-        ..Settings::default()
-    };
+fn print(habits: Habits, limit: crate::printer::window::Limit, jobs: u64, noise: Noise, seed: u64) -> Run {
+    let settings = Settings { window: limit, boot_wait_ms: 10, ..Settings::default() };
     let mut session = Session::new(settings, 0);
     let mut firmware = Firmware::new(habits);
-    let mut dice = Dice {
-        state: seed,
-        hits: 0,
-    };
+    let mut dice = Dice { state: seed, hits: 0 };
     let (mut fed, mut events, mut outcome) = (0, Vec::new(), None);
     let mut now_ms = 0;
     while outcome.is_none() && now_ms < 24 * 3_600_000 {
@@ -275,11 +242,7 @@ fn print(
                 break;
             }
             fed += 1;
-            session.feed(
-                format!("G1 X{fed} Y{}", fed * 7 % 100).as_bytes(),
-                fed,
-                now_ms,
-            );
+            session.feed(format!("G1 X{fed} Y{}", fed * 7 % 100).as_bytes(), fed, now_ms);
         }
         if session.deadline().is_some_and(|at| at <= now_ms) {
             session.on_tick(now_ms);
@@ -291,25 +254,12 @@ fn print(
             events.push(event);
         }
     }
-    let accepted = firmware
-        .accepted
-        .iter()
-        .filter(|c| c.starts_with("G1 "))
-        .cloned()
-        .collect();
-    Run {
-        outcome,
-        accepted,
-        overflow: firmware.overflow,
-        took_ms: now_ms,
-        events,
-    }
+    let accepted = firmware.accepted.iter().filter(|c| c.starts_with("G1 ")).cloned().collect();
+    Run { outcome, accepted, overflow: firmware.overflow, took_ms: now_ms, events }
 }
 
 fn job(lines: u64) -> Vec<String> {
-    (1..=lines)
-        .map(|n| format!("G1 X{n} Y{}", n * 7 % 100))
-        .collect()
+    (1..=lines).map(|n| format!("G1 X{n} Y{}", n * 7 % 100)).collect()
 }
 
 use crate::printer::window::Limit;
@@ -318,28 +268,17 @@ use crate::printer::window::Limit;
 fn a_quiet_wire_needs_no_resend() {
     for habits in [
         MARLIN,
-        Habits {
-            advanced_ok: true,
-            ..MARLIN
-        },
-        Habits {
-            m105_brings_temperatures: false,
-            ..MARLIN
-        },
-        Habits {
-            exec_ms: 30,
-            ..MARLIN
-        },
+        Habits { advanced_ok: true, ..MARLIN },
+        Habits { m105_brings_temperatures: false, ..MARLIN },
+        Habits { exec_ms: 30, ..MARLIN },
     ] {
         for limit in [Limit::Bytes(120), Limit::Lines(1)] {
             let run = print(habits, limit, 500, QUIET, 1);
             assert_eq!(run.outcome, Some(Outcome::Finished));
             assert_eq!(run.accepted, job(500));
             assert_eq!(run.overflow, 0, "{habits:?}");
-            let resends = run
-                .events
-                .iter()
-                .filter(|e| matches!(e, Event::Resend { .. } | Event::Probed { .. }));
+            let resends =
+                run.events.iter().filter(|e| matches!(e, Event::Resend { .. } | Event::Probed { .. }));
             assert_eq!(resends.count(), 0);
         }
     }
@@ -347,15 +286,9 @@ fn a_quiet_wire_needs_no_resend() {
 
 #[test]
 fn a_lost_ok_costs_seconds_not_the_job() {
-    let noise = Noise {
-        lose_in: 20,
-        ..QUIET
-    };
+    let noise = Noise { lose_in: 20, ..QUIET };
     for brings in [true, false] {
-        let habits = Habits {
-            m105_brings_temperatures: brings,
-            ..MARLIN
-        };
+        let habits = Habits { m105_brings_temperatures: brings, ..MARLIN };
         let run = print(habits, Limit::Lines(1), 200, noise, 7);
         assert_eq!(run.outcome, Some(Outcome::Finished));
         assert_eq!(run.accepted, job(200));

@@ -197,11 +197,7 @@ pub(super) fn check(random: Random, faults: &[Fault]) -> Result<(), FaultsError>
     }
     for (at, fault) in faults.iter().enumerate() {
         if let Some(why) = fault.wrong() {
-            return Err(FaultsError::Entry {
-                number: at + 1,
-                kind: fault.kind,
-                why,
-            });
+            return Err(FaultsError::Entry { number: at + 1, kind: fault.kind, why });
         }
     }
     Ok(())
@@ -217,23 +213,14 @@ mod tests {
             Ok(_) => assert_eq!(expect, "", "{text:?}"),
             Err(e) => {
                 let said = e.to_string();
-                assert!(
-                    !expect.is_empty() && said.contains(expect),
-                    "{text:?}: {said}"
-                );
+                assert!(!expect.is_empty() && said.contains(expect), "{text:?}: {said}");
             }
         }
     }
 
     #[test]
     fn the_example_of_the_help_is_valid() {
-        let example = HELP
-            .split_once("\ndo  ")
-            .unwrap()
-            .0
-            .split_once('\n')
-            .unwrap()
-            .1;
+        let example = HELP.split_once("\ndo  ").unwrap().0.split_once('\n').unwrap().1;
         assert_eq!(toml::from_str::<File>(example).unwrap().fault.len(), 2);
         Faults::parse(example).unwrap();
         for kind in HELP.split_once("what happens\n").unwrap().1.lines() {
@@ -264,9 +251,6 @@ mod tests {
         check_file(&fault("at_s=1\ndo='say'"), "need text");
         check_file(&fault("at_s=1\ndo='reset'\nbyte=1"), "byte");
         check_file(&fault("at_s=1\ndo='drop_ok'\ntimes=2"), "times");
-        check_file(
-            &"[[fault]]\nat_s=1\ndo='reset'\n".repeat(1001),
-            "at most 1000",
-        );
+        check_file(&"[[fault]]\nat_s=1\ndo='reset'\n".repeat(1001), "at most 1000");
     }
 }

@@ -37,10 +37,7 @@ impl Faults {
             random,
             // Any odd number spreads the seeds; 0 would stay 0 for ever.
             state: random.seed.wrapping_mul(2) | 1,
-            pending: faults
-                .into_iter()
-                .map(|f| (f.clone(), f.times.unwrap_or(1)))
-                .collect(),
+            pending: faults.into_iter().map(|f| (f.clone(), f.times.unwrap_or(1))).collect(),
         })
     }
 
@@ -69,8 +66,7 @@ impl Faults {
         if number.is_none() {
             return;
         }
-        if self.take_for_line(number, &[Kind::DropOk]).is_some() || self.chance(self.random.drop_ok)
-        {
+        if self.take_for_line(number, &[Kind::DropOk]).is_some() || self.chance(self.random.drop_ok) {
             ok.clear();
             return;
         }
@@ -104,11 +100,7 @@ impl Faults {
 
     /// When [`Self::event_at_time`] next has something.
     pub(crate) fn next_event_ns(&self) -> Option<u64> {
-        self.pending
-            .iter()
-            .filter(|(f, _)| EVENTS.contains(&f.kind))
-            .filter_map(|(f, _)| at_ns(f))
-            .min()
+        self.pending.iter().filter(|(f, _)| EVENTS.contains(&f.kind)).filter_map(|(f, _)| at_ns(f)).min()
     }
 
     /// Tells the time, so that timed faults of lines know their next line.
@@ -122,10 +114,7 @@ impl Faults {
     }
 
     fn take_for_line(&mut self, number: Option<i64>, kinds: &[Kind]) -> Option<Fault> {
-        let at = self
-            .pending
-            .iter()
-            .position(|(f, _)| f.at_line == number && kinds.contains(&f.kind))?;
+        let at = self.pending.iter().position(|(f, _)| f.at_line == number && kinds.contains(&f.kind))?;
         let (fault, times) = &mut self.pending[at];
         *times = times.saturating_sub(1);
         let found = fault.clone();
@@ -194,8 +183,7 @@ mod tests {
     #[test]
     fn timed_faults_wait_for_their_time_and_their_line() {
         let mut faults =
-            Faults::parse("[[fault]]\nat_s=2\ndo='reset'\n[[fault]]\nat_s=1\ndo='drop_ok'")
-                .unwrap();
+            Faults::parse("[[fault]]\nat_s=2\ndo='reset'\n[[fault]]\nat_s=1\ndo='drop_ok'").unwrap();
         assert_eq!(faults.next_event_ns(), Some(2_000_000_000));
         assert!(faults.event_at_time(1_999_999_999).is_none());
         faults.arm(1_500_000_000, 42);
@@ -210,11 +198,7 @@ mod tests {
     #[test]
     fn random_faults_repeat_with_their_seed_and_hit_their_share() {
         let hits = |seed| {
-            let random = Random {
-                seed,
-                corrupt_line: 0.1,
-                ..Random::default()
-            };
+            let random = Random { seed, corrupt_line: 0.1, ..Random::default() };
             let mut faults = Faults::new(random, Vec::new()).unwrap();
             (0..10_000)
                 .filter(|&n| {

@@ -37,8 +37,8 @@ const TAKEN: &[(u8, &[u32])] = &[
     (
         b'M',
         &[
-            17, 18, 73, 75, 76, 77, 84, 92, 111, 117, 200, 206, 208, 209, 211, 300, 301, 304, 420,
-            486, 500, 501, 502, 504, 569, 572, 593, 851, 900, 906, 907,
+            17, 18, 73, 75, 76, 77, 84, 92, 111, 117, 200, 206, 208, 209, 211, 300, 301, 304, 420, 486, 500,
+            501, 502, 504, 569, 572, 593, 851, 900, 906, 907,
         ],
     ),
     (b'T', &[0]),
@@ -101,11 +101,7 @@ impl Firmware {
             21 => self.motion.set_inches(false),
             28 => {
                 let named = [b'X', b'Y', b'Z'].map(|axis| command.has(axis));
-                let axes = if named.contains(&true) {
-                    named
-                } else {
-                    [true; 3]
-                };
+                let axes = if named.contains(&true) { named } else { [true; 3] };
                 return Next::Wait(Wait::Drain(After::Home(axes)));
             }
             29 => {
@@ -172,8 +168,7 @@ impl Firmware {
             },
             114 => self.say(report::position(self.motion.at_mm).as_bytes()),
             115 => {
-                let text =
-                    report::identity(&self.config.machine.name, self.config.emergency_parser);
+                let text = report::identity(&self.config.machine.name, self.config.emergency_parser);
                 self.say(text.as_bytes());
             }
             118 => self.echo(command),
@@ -329,17 +324,14 @@ enum Next {
 }
 
 fn taken(command: &Command<'_>) -> Next {
-    let known = TAKEN
-        .iter()
-        .any(|(letter, codes)| *letter == command.letter && codes.contains(&command.code));
+    let known =
+        TAKEN.iter().any(|(letter, codes)| *letter == command.letter && codes.contains(&command.code));
     if known { Next::Ok } else { Next::Unknown }
 }
 
 /// S seconds or P milliseconds; S wins, as in Marlin.
 fn seconds_of(command: &Command<'_>) -> Option<f64> {
-    let seconds = command
-        .value(b'S')
-        .or(command.value(b'P').map(|ms| ms / 1000.0))?;
+    let seconds = command.value(b'S').or(command.value(b'P').map(|ms| ms / 1000.0))?;
     Some(seconds.clamp(0.0, PAUSE_S_MAX))
 }
 

@@ -120,10 +120,7 @@ impl Firmware {
             hang_up_ns: None,
             highest: 0,
             digest: Digest::default(),
-            counts: Stats {
-                boots: 1,
-                ..Stats::default()
-            },
+            counts: Stats { boots: 1, ..Stats::default() },
             config,
         };
         if board.config.dtr_reset {
@@ -189,14 +186,10 @@ impl Firmware {
     }
 
     fn next_event_ns(&self) -> Option<u64> {
-        [
-            self.uart.next_arrival_ns(),
-            self.planner.next_end_ns(),
-            self.own_event_ns(),
-        ]
-        .into_iter()
-        .flatten()
-        .min()
+        [self.uart.next_arrival_ns(), self.planner.next_end_ns(), self.own_event_ns()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// Events of the board itself: not bytes, not moves.
@@ -212,8 +205,7 @@ impl Firmware {
                     Wait::User(at) => *at,
                     Wait::Room(_) | Wait::Drain(_) => None,
                 });
-                let busy =
-                    (self.wait.is_some() && self.busy_every_ns > 0).then_some(self.busy_next_ns);
+                let busy = (self.wait.is_some() && self.busy_every_ns > 0).then_some(self.busy_next_ns);
                 // Work that waits for the transmitter.
                 let work = !self.uart.rx_is_empty() && self.queue.len() < BUFSIZE
                     || !self.queue.is_empty() && self.wait.is_none();
@@ -243,18 +235,10 @@ impl Firmware {
             let text = report::boot(self.boot_cause);
             self.say(text.as_bytes());
         }
-        while self
-            .planner
-            .next_end_ns()
-            .is_some_and(|at| at <= self.now_ns)
-        {
+        while self.planner.next_end_ns().is_some_and(|at| at <= self.now_ns) {
             self.planner.end_move(self.now_ns);
         }
-        while self
-            .uart
-            .next_arrival_ns()
-            .is_some_and(|at| at <= self.now_ns)
-        {
+        while self.uart.next_arrival_ns().is_some_and(|at| at <= self.now_ns) {
             self.arrive();
         }
         if self.can_run() {
@@ -338,21 +322,14 @@ impl Firmware {
         let now_s = self.simulated_s();
         let seconds = |ns: u64| ns as f64 / 1e9;
         let (empty, moving) = (self.planner.empty_ns, self.planner.moving_ns);
-        let running_on = self
-            .planner
-            .next_end_ns()
-            .map_or(0, |end| end.saturating_sub(self.now_ns));
+        let running_on = self.planner.next_end_ns().map_or(0, |end| end.saturating_sub(self.now_ns));
         let moved = moving.saturating_sub(running_on);
         Stats {
             overflow_bytes: self.uart.overflow_bytes,
             unread_bytes: self.uart.unread_bytes,
             rx_bytes_most: self.uart.rx_bytes_most,
             moves: self.planner.moves,
-            planner_empty_share: if empty + moved == 0 {
-                0.0
-            } else {
-                empty as f64 / (empty + moved) as f64
-            },
+            planner_empty_share: if empty + moved == 0 { 0.0 } else { empty as f64 / (empty + moved) as f64 },
             planner_empty_s: seconds(empty),
             moving_s: seconds(moved),
             planner_gaps: self.planner.gaps,
@@ -366,11 +343,7 @@ impl Firmware {
             bed_c: self.bed.temperature_c(now_s),
             bed_target_c: self.bed.target_c(),
             fan: self.fan,
-            position_mm: [
-                self.motion.at_mm[0],
-                self.motion.at_mm[1],
-                self.motion.at_mm[2],
-            ],
+            position_mm: [self.motion.at_mm[0], self.motion.at_mm[1], self.motion.at_mm[2]],
             ..self.counts.clone()
         }
     }

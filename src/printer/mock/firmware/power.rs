@@ -33,11 +33,7 @@ impl Firmware {
             Kind::Hang => self.hung_until_ns = self.now_ns.saturating_add(for_ns),
             Kind::HangUp => self.hang_up_ns = Some(for_ns),
             // These wait for a line: `damage` and `reply` look for them.
-            Kind::CorruptLine
-            | Kind::ResendWithoutOk
-            | Kind::DropOk
-            | Kind::GarbleReply
-            | Kind::Noise => {}
+            Kind::CorruptLine | Kind::ResendWithoutOk | Kind::DropOk | Kind::GarbleReply | Kind::Noise => {}
         }
     }
 

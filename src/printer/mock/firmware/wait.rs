@@ -47,9 +47,7 @@ impl Firmware {
     /// When M85 gives up; a command that waits counts as activity.
     pub(super) fn inactive_at_ns(&self) -> Option<u64> {
         let idle = self.wait.is_none() && self.planner.is_empty();
-        self.inactive_max_ns
-            .filter(|_| idle)
-            .map(|max| self.last_command_ns.saturating_add(max))
+        self.inactive_max_ns.filter(|_| idle).map(|max| self.last_command_ns.saturating_add(max))
     }
 
     pub(super) fn timers(&mut self) {

@@ -29,22 +29,15 @@ impl Device {
         let name = ptsname(&master, Vec::new()).map_err(|e| terminal("name", e))?;
         let path = PathBuf::from(name.to_string_lossy().into_owned());
         let slave_flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
-        let slave = rustix::fs::open(&path, slave_flags, Mode::empty())
-            .map_err(|e| terminal("open the slave", e))?;
+        let slave =
+            rustix::fs::open(&path, slave_flags, Mode::empty()).map_err(|e| terminal("open the slave", e))?;
         rustix::io::ioctl_fionbio(&master, true).map_err(|e| terminal("non-blocking", e))?;
         let watch = inotify::init(inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK)
             .map_err(|e| terminal("inotify", e))?;
-        let events = inotify::WatchFlags::OPEN
-            | inotify::WatchFlags::CLOSE_WRITE
-            | inotify::WatchFlags::CLOSE_NOWRITE;
+        let events =
+            inotify::WatchFlags::OPEN | inotify::WatchFlags::CLOSE_WRITE | inotify::WatchFlags::CLOSE_NOWRITE;
         inotify::add_watch(&watch, &path, events).map_err(|e| terminal("watch", e))?;
-        let device = Self {
-            master,
-            slave,
-            watch,
-            path,
-            opens: 0,
-        };
+        let device = Self { master, slave, watch, path, opens: 0 };
         device.make_raw()?;
         Ok(device)
     }
@@ -52,8 +45,7 @@ impl Device {
     pub(super) fn make_raw(&self) -> Result<(), MockError> {
         let mut modes = termios::tcgetattr(&self.slave).map_err(|e| terminal("modes", e))?;
         modes.make_raw();
-        termios::tcsetattr(&self.slave, OptionalActions::Now, &modes)
-            .map_err(|e| terminal("raw mode", e))
+        termios::tcsetattr(&self.slave, OptionalActions::Now, &modes).map_err(|e| terminal("raw mode", e))
     }
 
     /// Reads who opened and closed the port since the last call; true when a

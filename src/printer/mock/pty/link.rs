@@ -27,29 +27,20 @@ impl Link {
                 (folder.path().join("tty"), Some(folder))
             }
         };
-        let mut link = Self {
-            path,
-            target: None,
-            _folder: folder,
-        };
+        let mut link = Self { path, target: None, _folder: folder };
         link.point_to(target)?;
         Ok(link)
     }
 
     /// Makes the link or turns it, in one step.
     pub(super) fn point_to(&mut self, target: &Path) -> Result<(), MockError> {
-        let failed = |source| MockError::Link {
-            path: self.path.clone(),
-            source,
-        };
+        let failed = |source| MockError::Link { path: self.path.clone(), source };
         if let Ok(there) = fs::symlink_metadata(&self.path) {
             // A mock that was killed leaves its link; anything else is not ours.
-            let stale = there.is_symlink()
-                && fs::read_link(&self.path).is_ok_and(|to| to.starts_with("/dev/pts"));
+            let stale =
+                there.is_symlink() && fs::read_link(&self.path).is_ok_and(|to| to.starts_with("/dev/pts"));
             if !stale {
-                return Err(MockError::LinkTaken {
-                    path: self.path.clone(),
-                });
+                return Err(MockError::LinkTaken { path: self.path.clone() });
             }
         }
         let mut name = self.path.file_name().unwrap_or_default().to_owned();

@@ -166,13 +166,7 @@ pub fn spawn(options: Options) -> Result<Handle, MockError> {
         .name("mock-printer".to_owned())
         .spawn(move || server.run())
         .map_err(|_| MockError::Thread)?;
-    Ok(Handle {
-        path,
-        board,
-        started,
-        wake,
-        thread: Some(thread),
-    })
+    Ok(Handle { path, board, started, wake, thread: Some(thread) })
 }
 
 /// What the thread owns.
@@ -269,17 +263,13 @@ impl Server {
             u64::try_from(left.as_nanos()).unwrap_or(u64::MAX)
         });
         let back_ns = self.device.is_none().then_some(self.gone_until_ns);
-        let timeout = [deadline_ns, stats_ns, back_ns]
-            .into_iter()
-            .flatten()
-            .min()
-            .map(|at_ns| {
-                let left = Duration::from_nanos(at_ns.saturating_sub(now_ns));
-                Timespec {
-                    tv_sec: i64::try_from(left.as_secs()).unwrap_or(i64::MAX),
-                    tv_nsec: left.subsec_nanos().into(),
-                }
-            });
+        let timeout = [deadline_ns, stats_ns, back_ns].into_iter().flatten().min().map(|at_ns| {
+            let left = Duration::from_nanos(at_ns.saturating_sub(now_ns));
+            Timespec {
+                tv_sec: i64::try_from(left.as_secs()).unwrap_or(i64::MAX),
+                tv_nsec: left.subsec_nanos().into(),
+            }
+        });
         let mut fds = vec![PollFd::new(&self.woken, PollFlags::IN)];
         if let Some(device) = &self.device {
             let mut wanted = PollFlags::empty();
@@ -302,10 +292,7 @@ impl Server {
             return Ok(());
         };
         let stats = lock(&self.board).stats();
-        write_json(path, &stats).map_err(|source| MockError::Stats {
-            path: path.clone(),
-            source,
-        })
+        write_json(path, &stats).map_err(|source| MockError::Stats { path: path.clone(), source })
     }
 }
 
@@ -334,8 +321,5 @@ fn elapsed_ns(since: Instant) -> u64 {
 }
 
 fn terminal(step: &'static str, source: impl Into<io::Error>) -> MockError {
-    MockError::Terminal {
-        step,
-        source: source.into(),
-    }
+    MockError::Terminal { step, source: source.into() }
 }

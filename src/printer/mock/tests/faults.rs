@@ -29,11 +29,7 @@ fn scripted_faults_happen() {
         &[
             (300, &inputs[0], "ok\n"),
             (310, &inputs[1], ""),
-            (
-                320,
-                &inputs[2],
-                "Error:checksum mismatch, Last Line: 2\nResend: 3\n",
-            ),
+            (320, &inputs[2], "Error:checksum mismatch, Last Line: 2\nResend: 3\n"),
             (330, &inputs[3], "ok\n"),
             (340, &inputs[4], ""),
         ],
@@ -46,11 +42,7 @@ fn scripted_faults_happen() {
     assert!(said.starts_with("start\n Brown out Reset\n"), "{said}");
     check(
         &mut board,
-        &[(
-            1300,
-            &line(7),
-            "Error:Line Number is not Last Line Number+1, Last Line: 0\nResend: 1\nok\n",
-        )],
+        &[(1300, &line(7), "Error:Line Number is not Last Line Number+1, Last Line: 0\nResend: 1\nok\n")],
     );
 }
 

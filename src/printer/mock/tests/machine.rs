@@ -21,15 +21,9 @@ fn opening_the_port_resets_a_board_with_dtr() {
     board.receive(550 * MS, b"M105\n");
     let said = output(&mut board, 1000);
     assert!(said.starts_with("start\n External Reset\n"), "{said}");
-    assert!(
-        !said.contains("ok"),
-        "a starting board hears nothing: {said}"
-    );
+    assert!(!said.contains("ok"), "a starting board hears nothing: {said}");
     let stats = board.stats();
-    assert_eq!(
-        (stats.deaf_bytes, stats.nozzle_target_c, stats.boots),
-        (5, 0.0, 2)
-    );
+    assert_eq!((stats.deaf_bytes, stats.nozzle_target_c, stats.boots), (5, 0.0, 2));
     check(&mut board, &[(1100, &numbered(1, "G90"), "ok\n")]);
 }
 
@@ -40,11 +34,7 @@ fn reports_say_what_marlin_says() {
         &mut board,
         &[
             (300, "G1 X10.5 Y2 Z.3 F6000\n", "ok\n"),
-            (
-                400,
-                "M114\n",
-                "X:10.50 Y:2.00 Z:0.30 E:0.00 Count X:840 Y:160 Z:120\nok\n",
-            ),
+            (400, "M114\n", "X:10.50 Y:2.00 Z:0.30 E:0.00 Count X:840 Y:160 Z:120\nok\n"),
             (500, "M118 E1 hello\n", "echo:hello\nok\n"),
             (600, "M118 A1 action:pause\n", "//action:pause\nok\n"),
             (700, "M117 ok ok\n", "ok\n"),
@@ -57,10 +47,7 @@ fn reports_say_what_marlin_says() {
         board.receive(1100 * MS, b"M115\n");
         output(&mut board, 1150)
     };
-    assert!(
-        identity.starts_with("FIRMWARE_NAME:Marlin 2.1.2.1 "),
-        "{identity}"
-    );
+    assert!(identity.starts_with("FIRMWARE_NAME:Marlin 2.1.2.1 "), "{identity}");
     assert!(identity.contains("\nCap:EMERGENCY_PARSER:1\n") && identity.ends_with("\nok\n"));
     let stats = board.stats();
     assert_eq!((stats.cold_extrusions, stats.extruded_mm), (1, 4.0));
@@ -120,8 +107,5 @@ fn a_faster_machine_has_the_same_line() {
         at - 300
     };
     let (real, fast) = (run(1.0), run(10.0));
-    assert!(
-        (10_000..10_200).contains(&real) && (1_000..1_040).contains(&fast),
-        "{real} {fast}"
-    );
+    assert!((10_000..10_200).contains(&real) && (1_000..1_040).contains(&fast), "{real} {fast}");
 }

@@ -17,10 +17,7 @@ fn numbered(n: i64, command: &str) -> String {
 
 /// A board that has booted (at 200 ms) and whose first words were read.
 fn board(change: impl FnOnce(&mut Config), faults: &str) -> Firmware {
-    let mut config = Config {
-        baud: 0,
-        ..Config::default()
-    };
+    let mut config = Config { baud: 0, ..Config::default() };
     change(&mut config);
     let mut board = Firmware::new(config, Faults::parse(faults).unwrap());
     output(&mut board, 250);
@@ -51,13 +48,7 @@ fn check(board: &mut Firmware, transcript: &[(u64, &str, &str)]) {
 #[test]
 fn m85_halts_a_board_that_is_left_alone() {
     let mut board = plain();
-    check(
-        &mut board,
-        &[
-            (300, "M85 S10\n", "ok\n"),
-            (400, "M113 S0\nG4 S30\n", "ok\n"),
-        ],
-    );
+    check(&mut board, &[(300, "M85 S10\n", "ok\n"), (400, "M113 S0\nG4 S30\n", "ok\n")]);
     assert_eq!(output(&mut board, 30_500), "ok\n", "a pause is activity");
     assert_eq!(output(&mut board, 40_300), "");
     let said = output(&mut board, 40_500);
@@ -97,9 +88,7 @@ fn a_host_sees_nothing_between_deadlines() {
             "",
         );
         board.receive(300 * MS, input.as_bytes());
-        (300..20_000)
-            .map(|ms| output(&mut board, ms))
-            .collect::<String>()
+        (300..20_000).map(|ms| output(&mut board, ms)).collect::<String>()
     };
     let mut board = board(
         |c| {

@@ -50,17 +50,10 @@ fn fact_2_a_repeat_of_the_last_two_is_dropped_without_a_word() {
         (300, [line(1), line(2), line(3)].concat(), "ok\nok\nok\n"),
         (400, line(3), ""),
         (500, line(2), ""),
-        (
-            600,
-            line(1),
-            "Error:Line Number is not Last Line Number+1, Last Line: 3\nResend: 4\nok\n",
-        ),
+        (600, line(1), "Error:Line Number is not Last Line Number+1, Last Line: 3\nResend: 4\nok\n"),
         (700, line(4), "ok\n"),
     ];
-    let borrowed: Vec<_> = transcript
-        .iter()
-        .map(|(t, i, e)| (*t, i.as_str(), *e))
-        .collect();
+    let borrowed: Vec<_> = transcript.iter().map(|(t, i, e)| (*t, i.as_str(), *e)).collect();
     check(&mut board, &borrowed);
     let stats = board.stats();
     assert_eq!((stats.repeats_dropped, stats.lines_out_of_order), (2, 1));
@@ -120,11 +113,7 @@ fn fact_5_temperatures_ride_on_an_ok_without_number() {
         &mut board,
         &[
             (300, "M105\n", "ok T:22.00 /0.00 B:22.00 /0.00 @:0 B@:0\n"),
-            (
-                400,
-                &numbered(1, "M105"),
-                "ok T:22.00 /0.00 B:22.00 /0.00 @:0 B@:0\n",
-            ),
+            (400, &numbered(1, "M105"), "ok T:22.00 /0.00 B:22.00 /0.00 @:0 B@:0\n"),
             (500, "G92 E0\n", "ok P15 B3\n"),
         ],
     );
@@ -132,27 +121,15 @@ fn fact_5_temperatures_ride_on_an_ok_without_number() {
 
 #[test]
 fn fact_6_boot_auto_report_and_the_lines_of_a_wait_for_heat() {
-    let config = Config {
-        dtr_reset: true,
-        ..Config::default()
-    };
+    let config = Config { dtr_reset: true, ..Config::default() };
     let mut board = Firmware::new(config, Faults::default());
     assert_eq!(output(&mut board, 199), "");
     let boot = output(&mut board, 300);
-    assert!(
-        boot.starts_with("start\nPowerUp\nMarlin 2.1.2.1\n\necho:"),
-        "{boot}"
-    );
+    assert!(boot.starts_with("start\nPowerUp\nMarlin 2.1.2.1\n\necho:"), "{boot}");
     let t = " T:22.00 /0.00 B:22.00 /0.00 @:0 B@:0\n";
     let busy = "echo:busy: processing\n";
     // Reports at 3, 5 and 7 s; the pause is from 4 s on.
-    check(
-        &mut board,
-        &[
-            (1000, "M155 S2\n", &format!("ok\n{t}")),
-            (4000, "G4 S3.5\n", ""),
-        ],
-    );
+    check(&mut board, &[(1000, "M155 S2\n", &format!("ok\n{t}")), (4000, "G4 S3.5\n", "")]);
     assert_eq!(output(&mut board, 9000), format!("{t}{busy}{t}ok\n"));
 }
 
@@ -194,11 +171,7 @@ fn fact_7_a_host_must_wait_for_the_ok_of_m110() {
         &mut board,
         &[
             (300, &burst, "ok\nok\nok\n"),
-            (
-                400,
-                &later,
-                "Error:Line Number is not Last Line Number+1, Last Line: 0\nResend: 1\nok\n",
-            ),
+            (400, &later, "Error:Line Number is not Last Line Number+1, Last Line: 0\nResend: 1\nok\n"),
         ],
     );
 }
@@ -208,10 +181,7 @@ fn fact_8_without_an_emergency_parser_m112_waits_behind_the_window() {
     let slow = "G4 S1\nG4 S1\nG4 S1\nG4 S1\nG4 S1\n";
     let kill = "Error:Printer halted. kill() called!\n";
     let mut with = plain();
-    check(
-        &mut with,
-        &[(300, slow, ""), (400, "M112\n", kill), (500, "M105\n", "")],
-    );
+    check(&mut with, &[(300, slow, ""), (400, "M112\n", kill), (500, "M105\n", "")]);
     let mut without = board(|c| c.emergency_parser = false, "");
     check(&mut without, &[(300, slow, ""), (400, "M112\n", "")]);
     // It is read when the queue has room for it: two of the pauses later.
