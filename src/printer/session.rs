@@ -54,7 +54,8 @@ enum Phase {
         tries: u32,
         retry_ms: u64,
     },
-    /// Asking who is there: 0 nothing, 1 M115, 2 M155 sent.
+    /// Asking who is there: 0 nothing, 1 M115, [`ASKED_ALL`] M155 sent; then an
+    /// M105 proves that both sides count alike.
     Identify { asked: u8 },
     /// Feeding the job; `closing` once its last line is in the window.
     Job { closing: Closing },
@@ -65,6 +66,9 @@ enum Phase {
     /// Over.
     Ended,
 }
+
+/// The last step of [`Phase::Identify`].
+const ASKED_ALL: u8 = 2;
 
 /// What follows when the printer counts from 0 again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,6 +119,8 @@ pub struct Session {
     out_at: usize,
     events: VecDeque<Event>,
     ending: Option<Ending>,
+    /// The source has no more lines.
+    job_over: bool,
     /// Whether a line of the job was ever sent.
     touched: bool,
     /// Last job line that was acknowledged.
@@ -144,6 +150,7 @@ impl Session {
             out_at: 0,
             events: VecDeque::new(),
             ending: None,
+            job_over: false,
             touched: false,
             job_acked: 0,
             lines_sent: 0,
@@ -225,6 +232,7 @@ impl Session {
             && *closing == Closing::No
         {
             *closing = Closing::Drained;
+            self.job_over = true;
             self.pump(now_ms);
         }
     }
@@ -331,9 +339,11 @@ impl Session {
             });
             return;
         }
-        // The line feed ends whatever half line the printer may hold. It only
-        // does harm to no one: empty lines are not answered.
-        self.out.push(b'\n');
+        if then == Then::Identify {
+            // Someone before us may have left half a line; a line feed ends it.
+            // Empty lines are not answered.
+            self.out.push(b'\n');
+        }
         frame(0, b"M110 N0", &mut self.out);
         self.answers.forget_drain();
         self.phase = Phase::Numbering {
@@ -348,11 +358,11 @@ impl Session {
         self.window.reset();
         self.stall.progress(now_ms);
         self.proof_tries = 0;
+        self.answers.unproved();
         self.phase = match then {
             Then::Identify => Phase::Identify { asked: 0 },
-            Then::Job => Phase::Job {
-                closing: Closing::No,
-            },
+            // Not before M105 has proved that M110 was understood.
+            Then::Job => Phase::Identify { asked: ASKED_ALL },
             Then::Safe { until_ms } => Phase::Safe { next: 0, until_ms },
         };
         if tries > 1 {

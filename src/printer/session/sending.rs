@@ -1,7 +1,7 @@
 //! What goes out, in each phase: our own questions, the job, the safe sequence.
 use super::kind::kind_of;
 use super::settings::*;
-use super::{Closing, Event, Failure, Outcome, Phase, Safety, Session, Then};
+use super::{ASKED_ALL, Closing, Event, Failure, Outcome, Phase, Safety, Session, Then};
 use crate::printer::window::{Kind, Tag};
 use outrigger_gcode::checksum::{fit, framed_len, sendable};
 
@@ -64,19 +64,12 @@ impl Session {
         let report = format!("M155 S{AUTO_REPORT_S}");
         let (command, step) = match asked {
             0 => ("M115", 1),
-            1 if self.printer.auto_report => (report.as_str(), 2),
+            1 if self.printer.auto_report => (report.as_str(), ASKED_ALL),
             // An `ok` of before we came may have been taken for one of ours: the
             // job begins in step.
             _ if self.prove() => return true,
             _ => {
-                self.tell(Event::Connected {
-                    firmware: self.printer.firmware.clone(),
-                    auto_temperatures: self.printer.auto_report,
-                    emergency_parser: self.printer.emergency_parser,
-                });
-                self.phase = Phase::Job {
-                    closing: Closing::No,
-                };
+                self.connected();
                 self.poll_ms = now_ms;
                 return true;
             }
@@ -229,6 +222,23 @@ impl Session {
             until_ms,
         };
         true
+    }
+
+    /// Both sides count alike: the job may begin, or go on after a renumbering.
+    fn connected(&mut self) {
+        if !self.touched {
+            self.tell(Event::Connected {
+                firmware: self.printer.firmware.clone(),
+                auto_temperatures: self.printer.auto_report,
+                emergency_parser: self.printer.emergency_parser,
+            });
+        }
+        self.phase = Phase::Job {
+            closing: match self.job_over {
+                true => Closing::Drained,
+                false => Closing::No,
+            },
+        };
     }
 
     pub(super) fn push_own(&mut self, command: &[u8], kind: Kind) -> bool {

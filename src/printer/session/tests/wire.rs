@@ -357,7 +357,17 @@ fn numbers_that_grew_too_long_begin_anew() {
              < ok T:20.0 /0.0
              > M110
              < ok
-             > N1 {long}"
+             > N1 M105
+             < Resend: 11
+             + 20
+             > M110
+             < ok
+             + 20
+             > N1 M105
+             < ok T:20.0 /0.0
+             > N2 {long}
+             ! Probed
+             ! nothing"
         ),
     );
 }
