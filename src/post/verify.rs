@@ -144,9 +144,38 @@ struct Reading {
     /// Deposits before it, and its hash.
     others: Vec<(u32, u64)>,
     lowest_travel: f64,
-    /// Filament moved between deposits, mm: nothing, or each retraction's extra.
+    /// Filament moved between deposits, mm, as if none were left pulled back at the end.
     primed_mm: f64,
-    retractions: u64,
+    /// What each stretch with a retraction moved in all, mm: 0, or its extra.
+    extras_mm: Vec<f64>,
+    /// Filament moved since the last deposit, mm, and how far back it was then.
+    since_mm: f64,
+    back_mm: f64,
+}
+
+impl Reading {
+    /// A move between deposits.
+    fn primes(&mut self, e: f64) {
+        self.primed_mm += e;
+        self.since_mm += e;
+        self.back_mm = self.back_mm.min(self.since_mm);
+    }
+
+    /// A deposit, or the end of the layer.
+    fn ends_stretch(&mut self) {
+        if self.back_mm < -E_SUM_MM {
+            self.extras_mm.push(self.since_mm);
+        }
+        self.since_mm = 0.0;
+        self.back_mm = 0.0;
+    }
+
+    /// What a retraction of this file pushes more than it pulled, mm.
+    fn extra_mm(&self) -> f64 {
+        let mut extras = self.extras_mm.clone();
+        extras.sort_by(f64::total_cmp);
+        extras.get(extras.len() / 2).copied().unwrap_or(0.0)
+    }
 }
 
 /// Reads one of the two files.
@@ -191,7 +220,7 @@ impl Side {
 
     fn read(&mut self, bytes: &[u8]) -> Reading {
         let mut reading = Reading { lowest_travel: f64::INFINITY, ..Reading::default() };
-        let retractions = self.measure.totals().retractions;
+        let depth_mm = self.measure.depth_mm();
         for bytes in split_lines(bytes) {
             let line = parse(bytes);
             let mark = self.mark(&line);
@@ -233,7 +262,12 @@ impl Side {
             }
         }
         self.clock.rest();
-        reading.retractions = self.measure.totals().retractions - retractions;
+        let left_back_mm = self.measure.depth_mm() - depth_mm;
+        if left_back_mm.abs() > E_SUM_MM {
+            // The stretch goes on in the next layer, or the file ends in it.
+            reading.primes(left_back_mm);
+        }
+        reading.ends_stretch();
         reading
     }
 
@@ -252,8 +286,10 @@ impl Side {
         let kind = m.kind();
         self.measure.add(m, kind, self.feature_name, self.machine.tool);
         self.clock.add(m, kind);
-        if kind != Kind::Deposit {
-            reading.primed_mm += m.e;
+        if kind == Kind::Deposit {
+            reading.ends_stretch();
+        } else {
+            reading.primes(m.e);
         }
         if kind == Kind::Still || kind == Kind::Filament {
             return;
@@ -460,8 +496,8 @@ impl Verifier {
         if old.others != new.others {
             return Err(What::Others(first_other(&old.others, &new.others, output)));
         }
-        let extra_mm = if old.retractions > 0 { old.primed_mm / old.retractions as f64 } else { 0.0 };
-        let due_mm = old.primed_mm + extra_mm * (new.retractions as f64 - old.retractions as f64);
+        let more = new.extras_mm.len() as f64 - old.extras_mm.len() as f64;
+        let due_mm = old.primed_mm + old.extra_mm() * more;
         if (new.primed_mm - due_mm).abs() > PRIMED_MM {
             return Err(What::Primed(new.primed_mm - due_mm));
         }
@@ -472,7 +508,9 @@ impl Verifier {
         if after.measure.deepest_mm > before.measure.deepest_mm + E_MM {
             return Err(What::Deeper(after.measure.deepest_mm));
         }
-        if new.lowest_travel < old.lowest_travel - UNIT_MM {
+        let layer_z = old.segments.iter().map(|s| s.place[2].min(s.place[5])).min();
+        let floor_mm = layer_z.map_or(f64::INFINITY, |z| z as f64 * UNIT_MM).min(old.lowest_travel);
+        if new.lowest_travel < floor_mm - UNIT_MM {
             return Err(What::Low(new.lowest_travel));
         }
         self.lengths(input, output)?;
