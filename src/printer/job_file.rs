@@ -101,6 +101,9 @@ pub struct Checked {
     pub lines: u64,
     /// Lines that will be sent.
     pub commands: u64,
+    /// Number of the last of these: what follows are comments (settings,
+    /// thumbnails), so this line is the job's end.
+    pub last_command: u64,
     /// Messages (M117, M118) that will be shortened.
     pub shortened: u64,
     /// Bytes.
@@ -122,6 +125,7 @@ pub fn check(
     let mut checked = Checked {
         lines: 0,
         commands: 0,
+        last_command: 0,
         shortened: 0,
         bytes: 0,
     };
@@ -139,6 +143,7 @@ pub fn check(
         })?;
         checked.shortened += u64::from(fitted.len() < command.len());
         checked.commands += 1;
+        checked.last_command = number;
     }
     checked.lines = lines.number;
     checked.bytes = lines.bytes;
@@ -352,6 +357,7 @@ mod tests {
         let check_file = |text: &str, expect: &[(u64, &str)]| {
             let checked = check(text.as_bytes(), Some(95), |_, _| {}).unwrap();
             assert_eq!(checked.commands as usize, expect.len());
+            assert_eq!(Some(checked.last_command), expect.last().map(|e| e.0));
             assert_eq!(checked.bytes as usize, text.len());
             let got = read_all(text.as_bytes(), checked).unwrap();
             let got: Vec<_> = got.iter().map(|(n, c)| (*n, c.as_str())).collect();
