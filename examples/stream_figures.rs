@@ -35,13 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut out = std::io::stdout();
 
     let job = job(folder.path(), LINES, 0.2)?;
-    let run = stream(
-        &binary,
-        folder.path(),
-        &job,
-        250_000,
-        &["--baud", "0", "--speed", "1000"],
-    )?;
+    let run = stream(&binary, folder.path(), &job, 250_000, &["--baud", "0", "--speed", "1000"])?;
     let (cpu_s, took_s) = (run.cpu_s, run.took_s);
     writeln!(out, "{LINES} lines: {cpu_s:.2} CPU s in {took_s:.2} s")?;
 
@@ -50,13 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         // machine's acceleration.
         let length_mm = 50.0 / f64::from(moves_s);
         let job = self::job(folder.path(), moves_s * PLANNER_S, length_mm)?;
-        let run = stream(
-            &binary,
-            folder.path(),
-            &job,
-            baud,
-            &["--baud", &baud.to_string()],
-        )?;
+        let run = stream(&binary, folder.path(), &job, baud, &["--baud", &baud.to_string()])?;
         let empty = run.stats["planner_empty_share"].as_f64().unwrap_or(1.0) * 100.0;
         let (cpu_s, gaps) = (run.cpu_s, &run.stats["planner_gaps"]);
         writeln!(
@@ -70,11 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The `outrigger` beside this example's folder.
 fn binary() -> Result<PathBuf, Box<dyn Error>> {
     let exe = std::env::current_exe()?;
-    let binary = exe
-        .ancestors()
-        .nth(2)
-        .ok_or("no build folder")?
-        .join("outrigger");
+    let binary = exe.ancestors().nth(2).ok_or("no build folder")?.join("outrigger");
     if !binary.exists() {
         return Err(format!("{}: build it first", binary.display()).into());
     }
@@ -103,13 +87,7 @@ struct Run {
     stats: serde_json::Value,
 }
 
-fn stream(
-    binary: &Path,
-    folder: &Path,
-    job: &Path,
-    baud: u32,
-    mock: &[&str],
-) -> Result<Run, Box<dyn Error>> {
+fn stream(binary: &Path, folder: &Path, job: &Path, baud: u32, mock: &[&str]) -> Result<Run, Box<dyn Error>> {
     let (link, stats) = (folder.join("tty"), folder.join("stats.json"));
     let mut printer = Command::new(binary)
         .args(["mock", "--profile", "prusa-mk3s", "--link"])
@@ -130,29 +108,17 @@ fn stream(
         .arg(job)
         .arg("--port")
         .arg(&link)
-        .args([
-            "--profile",
-            "prusa-mk3s",
-            "--no-macros",
-            "--baud",
-            &baud.to_string(),
-        ])
+        .args(["--profile", "prusa-mk3s", "--no-macros", "--baud", &baud.to_string()])
         .stdout(Stdio::null())
         .status()?;
     let (cpu_s, took_s) = (children_cpu_s()? - before_s, start.elapsed().as_secs_f64());
-    Command::new("kill")
-        .args(["-INT", &printer.id().to_string()])
-        .status()?;
+    Command::new("kill").args(["-INT", &printer.id().to_string()]).status()?;
     printer.wait()?;
     if !printed.success() {
         return Err("the print failed".into());
     }
     let stats = serde_json::from_slice(&fs::read(&stats)?)?;
-    Ok(Run {
-        cpu_s,
-        took_s,
-        stats,
-    })
+    Ok(Run { cpu_s, took_s, stats })
 }
 
 /// CPU time of all children that have ended, in s.

@@ -1,5 +1,7 @@
 //! Outrigger: the rooms behind the `outrigger` binary. ARCHITECTURE.md is the map.
 pub mod cli;
+pub mod post;
 pub mod printer;
 pub mod profile;
+pub mod toolpath;
 pub mod units;

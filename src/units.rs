@@ -50,10 +50,7 @@ mod tests {
     #[test]
     fn a_unit_is_the_bare_number_in_json_and_names_itself_to_people() {
         assert_eq!(serde_json::to_string(&Mm(0.4)).unwrap(), "0.4");
-        assert_eq!(
-            serde_json::from_str::<Celsius>("210").unwrap(),
-            Celsius(210.0)
-        );
+        assert_eq!(serde_json::from_str::<Celsius>("210").unwrap(), Celsius(210.0));
         assert_eq!(format!("{:.1}", MmPerS2(1250.0)), "1250.0 mm/s²");
         assert_eq!(MmPerS(12.5).to_string(), "12.5 mm/s");
     }

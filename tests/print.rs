@@ -92,9 +92,7 @@ fn wait_for(child: &mut Child) {
 }
 
 fn signal(name: &str, child: &Child) {
-    let kill = Command::new("kill")
-        .args([&format!("-{name}"), &child.id().to_string()])
-        .status();
+    let kill = Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status();
     assert!(kill.unwrap().success());
 }
 
@@ -120,16 +118,13 @@ fn digest<'a>(commands: impl Iterator<Item = &'a str>) -> String {
 /// A job of short moves in the air; the mock's planner takes them as fast as
 /// `--speed` lets it.
 fn moves(count: u32) -> String {
-    let moves: String = (0..count)
-        .map(|n| format!("G1 X{}.{:03} Y{} F9000\n", 10 + n % 7, n % 1000, 20 + n % 5))
-        .collect();
+    let moves: String =
+        (0..count).map(|n| format!("G1 X{}.{:03} Y{} F9000\n", 10 + n % 7, n % 1000, 20 + n % 5)).collect();
     format!("G28 ; home\n;LAYER_CHANGE\n{moves}")
 }
 
 fn commands(job: &str) -> impl Iterator<Item = &str> {
-    job.lines()
-        .map(|line| line.split(';').next().unwrap_or("").trim())
-        .filter(|line| !line.is_empty())
+    job.lines().map(|line| line.split(';').next().unwrap_or("").trim()).filter(|line| !line.is_empty())
 }
 
 /// Prints a job to the end and holds the mock's digest against the file's.
@@ -138,11 +133,7 @@ fn check_whole(options: &[&str], faults: &str, count: u32) -> (String, serde_jso
     let job = moves(count);
     let out = output(&mut mock.print(&mock.job(&job)));
     assert!(out.status.success(), "{}", text(&out.stderr));
-    assert!(
-        text(&out.stdout).contains("printed"),
-        "{}",
-        text(&out.stdout)
-    );
+    assert!(text(&out.stdout).contains("printed"), "{}", text(&out.stdout));
     let stats = mock.stats();
     assert_eq!(stats["digest"], digest(commands(&job)), "{stats}");
     assert_eq!(stats["digest_lines"], u64::from(count) + 1);
@@ -151,10 +142,7 @@ fn check_whole(options: &[&str], faults: &str, count: u32) -> (String, serde_jso
 
 #[test]
 fn a_job_runs_whole_and_in_order() {
-    for options in [
-        &["--speed", "1000"][..],
-        &["--speed", "1000", "--advanced-ok"],
-    ] {
+    for options in [&["--speed", "1000"][..], &["--speed", "1000", "--advanced-ok"]] {
         let (_, stats) = check_whole(options, "", 2000);
         assert_eq!(stats["resends_asked"], 0);
         assert_eq!(stats["overflow_bytes"], 0);
@@ -200,10 +188,7 @@ fn a_lost_ok_is_found_by_a_probe() {
 
 #[test]
 fn a_reset_in_mid_job_is_told() {
-    let mock = Mock::with_faults(
-        &["--speed", "1000"],
-        "[[fault]]\nat_line = 100\ndo = \"reset\"\n",
-    );
+    let mock = Mock::with_faults(&["--speed", "1000"], "[[fault]]\nat_line = 100\ndo = \"reset\"\n");
     let out = output(&mut mock.print(&mock.job(&moves(500))));
     assert_eq!(out.status.code(), Some(1));
     let said = text(&out.stderr);
@@ -225,10 +210,8 @@ fn a_killed_firmware_is_told_in_its_own_words() {
 
 #[test]
 fn a_hung_up_port_is_told() {
-    let mock = Mock::with_faults(
-        &["--speed", "1000"],
-        "[[fault]]\nat_line = 100\ndo = \"hang_up\"\nfor_s = 60.0\n",
-    );
+    let mock =
+        Mock::with_faults(&["--speed", "1000"], "[[fault]]\nat_line = 100\ndo = \"hang_up\"\nfor_s = 60.0\n");
     let out = output(&mut mock.print(&mock.job(&moves(500))));
     assert_eq!(out.status.code(), Some(1));
     let said = text(&out.stderr);
@@ -243,9 +226,7 @@ fn interrupted(options: &[&str], job: &str, signals: &[&str]) -> (Output, serde_
     let stats = || -> Option<serde_json::Value> {
         serde_json::from_slice(&fs::read(mock.path("stats.json")).ok()?).ok()
     };
-    wait_until("the nozzle to heat", || {
-        stats().is_some_and(|s| s["nozzle_target_c"].as_f64() > Some(0.0))
-    });
+    wait_until("the nozzle to heat", || stats().is_some_and(|s| s["nozzle_target_c"].as_f64() > Some(0.0)));
     for name in signals {
         signal(name, &child);
         // Two signals of one kind at once are one; the first must be taken.
@@ -348,10 +329,7 @@ fn no_printer_is_told() {
     );
     assert_eq!(out.status.code(), Some(1));
     let said = text(&out.stderr);
-    assert!(
-        said.contains("cannot open /nowhere/tty at 115200 baud"),
-        "{said}"
-    );
+    assert!(said.contains("cannot open /nowhere/tty at 115200 baud"), "{said}");
     assert!(said.contains("plugged in"), "{said}");
 }
 

@@ -69,18 +69,12 @@ pub fn fit(n: u32, command: &[u8], max_line: Option<usize>) -> Result<&[u8], Too
     if framed <= max_line {
         return Ok(command);
     }
-    let too_long = TooLong {
-        framed_len: framed,
-        max_line,
-    };
+    let too_long = TooLong { framed_len: framed, max_line };
     let word = Word::of(command);
     if !matches!(word.code(), Some((b'M', 117 | 118))) {
         return Err(too_long);
     }
-    let room = command
-        .len()
-        .checked_sub(framed - max_line)
-        .ok_or(too_long)?;
+    let room = command.len().checked_sub(framed - max_line).ok_or(too_long)?;
     let cut = trim_end(&command[..char_boundary(command, room)]);
     if cut.len() < word.len {
         return Err(too_long);
@@ -128,10 +122,9 @@ pub fn sendable<'a>(line: &'a [u8], scratch: &'a mut Vec<u8>) -> Option<&'a [u8]
 /// (Klipper) whose values are its own affair.
 fn takes_text(word: &Word) -> bool {
     match word.code() {
-        Some((b'M', n)) => matches!(
-            n,
-            0 | 1 | 16 | 20 | 23 | 28 | 30 | 32 | 33 | 36 | 98 | 117 | 118 | 486 | 928
-        ),
+        Some((b'M', n)) => {
+            matches!(n, 0 | 1 | 16 | 20 | 23 | 28 | 30 | 32 | 33 | 36 | 98 | 117 | 118 | 486 | 928)
+        }
         Some(_) => false,
         // `(a comment)` alone starts no word.
         None => word.letter.is_ascii_alphabetic(),
@@ -155,11 +148,7 @@ fn clean(code: &[u8], out: &mut Vec<u8>) {
             _ => {
                 quoted ^= byte == b'"';
                 let in_text = text && at >= word.len;
-                out.push(if raise && !in_text && !quoted {
-                    byte.to_ascii_uppercase()
-                } else {
-                    byte
-                });
+                out.push(if raise && !in_text && !quoted { byte.to_ascii_uppercase() } else { byte });
             }
         }
     }
@@ -192,10 +181,7 @@ fn trim(bytes: &[u8]) -> &[u8] {
 }
 
 fn trim_end(bytes: &[u8]) -> &[u8] {
-    let end = bytes
-        .iter()
-        .rposition(|b| !blank(*b))
-        .map_or(0, |at| at + 1);
+    let end = bytes.iter().rposition(|b| !blank(*b)).map_or(0, |at| at + 1);
     &bytes[..end]
 }
 
@@ -242,21 +228,13 @@ struct Word {
 impl Word {
     fn of(command: &[u8]) -> Self {
         let letter = command.first().map_or(0, u8::to_ascii_uppercase);
-        let digits = command
-            .iter()
-            .skip(1)
-            .take_while(|b| b.is_ascii_digit())
-            .count();
+        let digits = command.iter().skip(1).take_while(|b| b.is_ascii_digit()).count();
         let number = command
             .get(1..=digits)
             .filter(|d| !d.is_empty())
             .and_then(|d| std::str::from_utf8(d).ok())
             .and_then(|d| d.parse().ok());
-        Self {
-            letter,
-            number,
-            len: 1 + digits,
-        }
+        Self { letter, number, len: 1 + digits }
     }
 
     /// Letter and number if this is a G, M or T code.
@@ -308,10 +286,7 @@ mod tests {
         check("M118 A1 (hi)", Some("M118 A1 (hi)"));
         check("M486 AArm (left)", Some("M486 AArm (left)"));
         check("M23 part(1).gco", Some("M23 part(1).gco"));
-        check(
-            "EXCLUDE_OBJECT_START NAME=a(1)",
-            Some("EXCLUDE_OBJECT_START NAME=a(1)"),
-        );
+        check("EXCLUDE_OBJECT_START NAME=a(1)", Some("EXCLUDE_OBJECT_START NAME=a(1)"));
         check("G10 P\"(kept)\" (gone)", Some("G10 P\"(kept)\""));
         check("M117 a\\b", Some("M117 ab"));
         check("\\", None);
@@ -334,10 +309,7 @@ mod tests {
     fn limits_lines() {
         let check = |n, command: &str, expect: Result<&str, usize>| {
             let got = fit(n, command.as_bytes(), Some(95));
-            let expect = expect.map(str::as_bytes).map_err(|framed_len| TooLong {
-                framed_len,
-                max_line: 95,
-            });
+            let expect = expect.map(str::as_bytes).map_err(|framed_len| TooLong { framed_len, max_line: 95 });
             assert_eq!(got, expect);
         };
         let run = |head: &str, len: usize| format!("{head}{}", "x".repeat(len - head.len()));

@@ -18,7 +18,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// do not fit its receive buffer, executes moves in time and warms up. Any
 /// host can open it; Ctrl-C ends it and removes the link.
 #[derive(ClapArgs)]
-pub struct Args {
+pub(super) struct Args {
     /// Make this symbolic link to the pseudo-terminal.
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
@@ -68,7 +68,7 @@ pub(crate) fn speed(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A profile or faults file that cannot be read, no pseudo-terminal, or a
 /// link or statistics file that cannot be written.
-pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     if args.help_faults {
         std::io::stdout()
             .write_all(mock::faults::HELP.as_bytes())
@@ -102,16 +102,11 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 }
 
 fn options(args: &Args) -> anyhow::Result<Options> {
-    let profile = args
-        .profile
-        .as_deref()
-        .map(profile::load_printer)
-        .transpose()?;
+    let profile = args.profile.as_deref().map(profile::load_printer).transpose()?;
     let faults = match &args.faults {
         None => Faults::default(),
         Some(file) => {
-            let text =
-                std::fs::read_to_string(file).with_context(|| format!("{}", file.display()))?;
+            let text = std::fs::read_to_string(file).with_context(|| format!("{}", file.display()))?;
             Faults::parse(&text).with_context(|| format!("{}", file.display()))?
         }
     };
@@ -131,12 +126,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     if let Some(baud) = args.baud {
         config.baud = baud;
     }
-    Ok(Options {
-        link: args.link.clone(),
-        stats: args.stats.clone(),
-        faults,
-        config,
-    })
+    Ok(Options { link: args.link.clone(), stats: args.stats.clone(), faults, config })
 }
 
 /// The machine of a profile, as the mock wants it: plain numbers.
@@ -148,9 +138,9 @@ pub(crate) fn machine(profile: &Profile) -> Machine {
         printer::Cornering::JunctionMm(deviation) => Cornering::JunctionMm(deviation.0),
         // Klipper derives its junction deviation from the speed through a
         // right angle: v²·(√2 − 1)/a.
-        printer::Cornering::SquareCornerMmS(v) => Cornering::JunctionMm(
-            v.0 * v.0 * (std::f64::consts::SQRT_2 - 1.0) / motion.print_mm_s2.0,
-        ),
+        printer::Cornering::SquareCornerMmS(v) => {
+            Cornering::JunctionMm(v.0 * v.0 * (std::f64::consts::SQRT_2 - 1.0) / motion.print_mm_s2.0)
+        }
     };
     Machine {
         name: profile.title.clone(),

@@ -3,16 +3,22 @@
 //! A verb is an `Args` struct (clap) and `run(Args) -> anyhow::Result<ExitCode>`.
 //! Exit codes: 0 done; 1 the file or the printer is at fault (one clear line on
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
+mod files;
+mod interrupt;
+mod mock;
+mod post;
+mod print;
+mod profile;
+mod progress;
+
 use clap::{Parser, Subcommand};
+use std::io::Write;
 use std::process::ExitCode;
 
-pub mod mock;
-pub(crate) mod print;
-pub mod profile;
-
-/// A daemon beside a 3D printer.
+/// A companion beside a 3D printer: reorders infill so that the head lifts least, proves
+/// that the job is still the same, and streams it without losing a line
 #[derive(Parser)]
-#[command(name = "outrigger", version, about, arg_required_else_help = true)]
+#[command(name = "outrigger", version, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -20,24 +26,31 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
-    Mock(mock::Args),
+    Post(post::Args),
     Print(print::Args),
+    Mock(mock::Args),
     Profile(profile::Args),
 }
 
 /// Runs the verb that the command line names.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let done: anyhow::Result<ExitCode> = match cli.verb {
-        Verb::Mock(args) => mock::run(args),
+    let done = match cli.verb {
+        Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
+        Verb::Mock(args) => mock::run(args),
         Verb::Profile(args) => profile::run(args),
     };
     match done {
         Ok(code) => code,
-        Err(e) => {
-            eprintln!("outrigger: {e:#}");
+        Err(error) => {
+            eprintln!("outrigger: {error:#}");
             ExitCode::from(1)
         }
     }
+}
+
+/// Writes a line to standard output; a reader that has gone away is no error.
+fn say(text: &str) {
+    let _ = writeln!(std::io::stdout(), "{text}");
 }

@@ -44,7 +44,7 @@ const NO_RESET_WAIT_MS: u64 = 300;
 /// the profile's cancel macro (heaters off); a second Ctrl-C quits at once and
 /// leaves the printer as it is.
 #[derive(clap::Args)]
-pub(crate) struct Args {
+pub(super) struct Args {
     /// The G-code file.
     file: PathBuf,
     /// The printer's serial port, such as /dev/ttyUSB0; `mock` prints to a mock
@@ -69,11 +69,10 @@ pub(crate) struct Args {
 }
 
 /// Runs the verb. See [`Args`].
-pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     let profile = load_printer(&args.profile)?;
     let settings = settings(&profile);
-    let job = Job::open(&args.file, settings.max_line)
-        .with_context(|| args.file.display().to_string())?;
+    let job = Job::open(&args.file, settings.max_line).with_context(|| args.file.display().to_string())?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -116,10 +115,7 @@ struct Stamp {
 
 impl Stamp {
     fn of(meta: &Metadata) -> Self {
-        Self {
-            bytes: meta.len(),
-            modified: meta.modified().ok(),
-        }
+        Self { bytes: meta.len(), modified: meta.modified().ok() }
     }
 }
 
@@ -137,12 +133,7 @@ impl Job {
         let stamp = Stamp::of(&file.metadata()?);
         let mut facts = Facts::default();
         let checked = check(&file, max_line, |_, line| facts.see(line))?;
-        Ok(Self {
-            file,
-            stamp,
-            checked,
-            facts,
-        })
+        Ok(Self { file, stamp, checked, facts })
     }
 
     /// From the first line again, if the file is still the one that was checked.
@@ -206,14 +197,8 @@ impl<S: Source> Source for Whole<S> {
     }
 }
 
-async fn print(
-    args: &Args,
-    profile: &Profile,
-    settings: Settings,
-    mut job: Job,
-) -> anyhow::Result<ExitCode> {
-    job.rewind()
-        .with_context(|| args.file.display().to_string())?;
+async fn print(args: &Args, profile: &Profile, settings: Settings, mut job: Job) -> anyhow::Result<ExitCode> {
+    job.rewind().with_context(|| args.file.display().to_string())?;
     let baud = args.baud.unwrap_or(profile.serial.baud);
     let mock = start_mock(args, profile, baud)?;
     let device = match &mock {
@@ -252,21 +237,15 @@ fn start_mock(args: &Args, profile: &Profile, baud: u32) -> anyhow::Result<Optio
         machine: super::mock::machine(profile),
         ..mock::Config::default()
     };
-    let options = mock::Options {
-        config,
-        ..mock::Options::default()
-    };
+    let options = mock::Options { config, ..mock::Options::default() };
     Ok(Some(mock::spawn(options)?))
 }
 
 /// Two futures: the first request to stop, and the second.
 fn stops() -> anyhow::Result<(impl Future<Output = ()>, impl Future<Output = ()>)> {
     let (tell, told) = oneshot::channel();
-    let mut signals = [
-        signal(SignalKind::interrupt())?,
-        signal(SignalKind::terminate())?,
-        signal(SignalKind::hangup())?,
-    ];
+    let mut signals =
+        [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?];
     let second = async move {
         let [interrupt, terminate, hangup] = &mut signals;
         let mut tell = Some(tell);

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 /// (`prusa-mk3s`, `petg`); your own is named by its path, which ends in .toml.
 /// To make one, start from the nearest: `outrigger profile show ender-3 > mine.toml`.
 #[derive(ClapArgs)]
-pub struct Args {
+pub(super) struct Args {
     #[command(subcommand)]
     verb: Verb,
 }
@@ -44,7 +44,7 @@ enum Verb {
 ///
 /// # Errors
 /// A profile that cannot be loaded, or an output that cannot be written.
-pub fn run(args: Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.verb {
         Verb::List { json } => list(json)?,
         Verb::Show { name, json } => show(&name, json)?,
@@ -64,21 +64,14 @@ fn list(json: bool) -> anyhow::Result<()> {
     }
     if json {
         let named = |list: &[(&str, String)]| -> Vec<serde_json::Value> {
-            list.iter()
-                .map(|(name, title)| serde_json::json!({ "name": name, "title": title }))
-                .collect()
+            list.iter().map(|(name, title)| serde_json::json!({ "name": name, "title": title })).collect()
         };
         let all = serde_json::json!({
             "printers": named(&printers), "materials": named(&materials),
         });
         return print(&format!("{all:#}\n"));
     }
-    let width = printers
-        .iter()
-        .chain(&materials)
-        .map(|(name, _)| name.len())
-        .max()
-        .unwrap_or(0);
+    let width = printers.iter().chain(&materials).map(|(name, _)| name.len()).max().unwrap_or(0);
     let mut text = String::new();
     for (head, list) in [("Printers", &printers), ("Materials", &materials)] {
         text += &format!("{head}\n");

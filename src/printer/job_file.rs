@@ -85,11 +85,7 @@ const MAGICS: [(&[u8], &str, &str); 5] = [
         "switch it off in the slicer's printer settings, or convert the file first",
     ),
     (b"\x1f\x8b", "a gzip file", "unpack it first (gunzip)"),
-    (
-        b"PK\x03\x04",
-        "a zip file (3MF, SL1 or an archive)",
-        "slice it or unpack it first",
-    ),
+    (b"PK\x03\x04", "a zip file (3MF, SL1 or an archive)", "slice it or unpack it first"),
     (b"\x7fELF", "a program", "name the sliced file"),
     (b"%PDF", "a PDF file", "name the sliced file"),
 ];
@@ -122,13 +118,7 @@ pub fn check(
 ) -> Result<Checked, JobError> {
     let mut lines = Lines::new(file);
     let mut scratch = Vec::new();
-    let mut checked = Checked {
-        lines: 0,
-        commands: 0,
-        last_command: 0,
-        shortened: 0,
-        bytes: 0,
-    };
+    let mut checked = Checked { lines: 0, commands: 0, last_command: 0, shortened: 0, bytes: 0 };
     while let Some((number, line)) = lines.next_line()? {
         each(number, line);
         let Some(command) = sendable(line, &mut scratch) else {
@@ -168,13 +158,7 @@ impl<R: Read, F: FnMut(u64, &[u8])> Reader<R, F> {
     /// Reads the file again, which [`check`] has found to be as `expected`;
     /// `each` sees every line as it is read.
     pub fn new(file: R, expected: Checked, each: F) -> Self {
-        Self {
-            lines: Lines::new(file),
-            each,
-            scratch: Vec::new(),
-            command: Vec::new(),
-            expected,
-        }
+        Self { lines: Lines::new(file), each, scratch: Vec::new(), command: Vec::new(), expected }
     }
 }
 
@@ -203,10 +187,7 @@ impl<R: Read, F: FnMut(u64, &[u8])> Source for Reader<R, F> {
     }
 
     fn line(&self) -> JobLine<'_> {
-        JobLine {
-            command: &self.command,
-            number: self.lines.number,
-        }
+        JobLine { command: &self.command, number: self.lines.number }
     }
 }
 
@@ -220,10 +201,7 @@ impl<R, F> Reader<R, F> {
     }
 
     fn error(&self, reason: String) -> SourceError {
-        SourceError {
-            line: self.lines.number,
-            reason,
-        }
+        SourceError { line: self.lines.number, reason }
     }
 }
 
@@ -278,9 +256,7 @@ impl<R: Read> Lines<R> {
             self.current.extend_from_slice(&rest[..len.min(room)]);
             // The rest of a long comment is of no use; a long command is an error.
             if len > room && memchr::memchr(b';', &self.current).is_none() {
-                return Err(JobError::LineTooBig {
-                    line: self.number + 1,
-                });
+                return Err(JobError::LineTooBig { line: self.number + 1 });
             }
         }
         if !any {
@@ -318,10 +294,7 @@ impl<R: Read> Lines<R> {
                 Ok(len) => self.end += len,
                 Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
                 Err(source) => {
-                    return Err(JobError::Read {
-                        line: self.number,
-                        source,
-                    });
+                    return Err(JobError::Read { line: self.number, source });
                 }
             }
         }
@@ -364,10 +337,7 @@ mod tests {
             assert_eq!(got, expect);
         };
         check_file("G28\nG1 X1\n", &[(1, "G28"), (2, "G1 X1")]);
-        check_file(
-            "; a\r\n\r\nG28 ; home\r\nG1 X1",
-            &[(3, "G28"), (4, "G1 X1")],
-        );
+        check_file("; a\r\n\r\nG28 ; home\r\nG1 X1", &[(3, "G28"), (4, "G1 X1")]);
         check_file("\u{feff}G28\n", &[(1, "G28")]);
         check_file("N5 G28*99\n\nN6 G1 X1*3\n", &[(1, "G28"), (3, "G1 X1")]);
         let comment = format!("G28 ;{}\nG1 X1\n", "x".repeat(300_000));

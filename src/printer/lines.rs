@@ -43,8 +43,7 @@ impl LineSplitter {
     fn keep(&mut self, bytes: &[u8]) {
         let room = MAX_REPLY_LEN - self.partial.len();
         // A board that is switched on puts NULs on the line; no reply has any.
-        self.partial
-            .extend(bytes.iter().filter(|b| **b != 0).take(room));
+        self.partial.extend(bytes.iter().filter(|b| **b != 0).take(room));
     }
 }
 

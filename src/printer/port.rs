@@ -86,17 +86,9 @@ impl Port {
                 tokio_serial::ErrorKind::Io(kind) => kind,
                 _ => io::ErrorKind::Other,
             };
-            PortError::Open {
-                path: path.to_owned(),
-                baud,
-                reason: e.description,
-                kind,
-            }
+            PortError::Open { path: path.to_owned(), baud, reason: e.description, kind }
         })?;
-        Ok(Self {
-            stream,
-            path: path.to_owned(),
-        })
+        Ok(Self { stream, path: path.to_owned() })
     }
 
     /// Waits until some of `output` can be written or something can be read into
@@ -113,9 +105,7 @@ impl Port {
                 return Poll::Ready(done.map(Moved::Wrote));
             }
             let mut buffer = ReadBuf::new(input);
-            Pin::new(&mut *stream)
-                .poll_read(cx, &mut buffer)
-                .map_ok(|()| Moved::Read(buffer.filled().len()))
+            Pin::new(&mut *stream).poll_read(cx, &mut buffer).map_ok(|()| Moved::Read(buffer.filled().len()))
         })
         .await;
         match moved {
@@ -127,22 +117,14 @@ impl Port {
     fn error(&self, source: io::Error) -> PortError {
         // A hung-up terminal reads EIO, an unplugged adapter ENXIO or ENODEV.
         let hung_up = matches!(source.raw_os_error(), Some(5 | 6 | 19))
-            || matches!(
-                source.kind(),
-                io::ErrorKind::BrokenPipe | io::ErrorKind::NotConnected
-            );
+            || matches!(source.kind(), io::ErrorKind::BrokenPipe | io::ErrorKind::NotConnected);
         match hung_up {
             true => self.gone(),
-            false => PortError::Io {
-                path: self.path.clone(),
-                source,
-            },
+            false => PortError::Io { path: self.path.clone(), source },
         }
     }
 
     fn gone(&self) -> PortError {
-        PortError::Gone {
-            path: self.path.clone(),
-        }
+        PortError::Gone { path: self.path.clone() }
     }
 }

@@ -157,16 +157,11 @@ fn ok(line: &[u8]) -> Option<Reply<'_>> {
 fn resend(line: &[u8]) -> Option<Reply<'_>> {
     let rest = after_ignoring_case(line, b"resend").or_else(|| after_ignoring_case(line, b"rs"))?;
     // `Resend: 4`, `Resend:4`, `Resend: N:4`, `rs N4`, `rs 4`.
-    let marks = rest
-        .iter()
-        .take_while(|b| matches!(b, b':' | b' ' | b'\t' | b'N'))
-        .count();
+    let marks = rest.iter().take_while(|b| matches!(b, b':' | b' ' | b'\t' | b'N')).count();
     let digits = &rest[marks..];
     let len = digits.iter().take_while(|b| b.is_ascii_digit()).count();
     let ends = digits.get(len).is_none_or(u8::is_ascii_whitespace);
-    (marks > 0 && ends)
-        .then(|| number(&digits[..len]))?
-        .map(Reply::Resend)
+    (marks > 0 && ends).then(|| number(&digits[..len]))?.map(Reply::Resend)
 }
 
 fn error_or_echo(line: &[u8]) -> Option<Reply<'_>> {
@@ -188,10 +183,7 @@ fn error_or_echo(line: &[u8]) -> Option<Reply<'_>> {
         return Some(Reply::Fatal(line));
     }
     Some(match last_line(text) {
-        Some(last_line) => Reply::Refused {
-            last_line,
-            text: line,
-        },
+        Some(last_line) => Reply::Refused { last_line, text: line },
         None => Reply::Error(line),
     })
 }
@@ -232,12 +224,7 @@ fn position(line: &[u8]) -> Option<Reply<'_>> {
         };
         *slot = slot.or(decimal(value));
     }
-    Some(Reply::Position(Position {
-        x_mm: x?,
-        y_mm: y?,
-        z_mm: z?,
-        e_mm: e,
-    }))
+    Some(Reply::Position(Position { x_mm: x?, y_mm: y?, z_mm: z?, e_mm: e }))
 }
 
 fn capability(line: &[u8]) -> Option<Reply<'_>> {
@@ -248,10 +235,7 @@ fn capability(line: &[u8]) -> Option<Reply<'_>> {
         b"0" => false,
         _ => return None,
     };
-    Some(Reply::Capability {
-        name: &rest[..colon],
-        present,
-    })
+    Some(Reply::Capability { name: &rest[..colon], present })
 }
 
 fn slashes(line: &[u8]) -> Option<Reply<'_>> {
@@ -267,10 +251,8 @@ fn first_value(text: &[u8]) -> &[u8] {
     let mut at = 0;
     for word in text.split(|b| *b == b' ') {
         let key = word.iter().position(|b| *b == b':').unwrap_or(0);
-        let is_key = key > 2
-            && word[..key]
-                .iter()
-                .all(|b| b.is_ascii_uppercase() || matches!(b, b'_' | b'-'));
+        let is_key =
+            key > 2 && word[..key].iter().all(|b| b.is_ascii_uppercase() || matches!(b, b'_' | b'-'));
         if is_key {
             break;
         }
@@ -318,17 +300,8 @@ mod tests {
         assert_eq!(parse(line.as_bytes()), expect, "{line:?}");
     }
 
-    fn ack(
-        line: Option<u32>,
-        planner_free: Option<u32>,
-        buffer_free: Option<u32>,
-    ) -> Reply<'static> {
-        Reply::Ok(Ack {
-            line,
-            planner_free,
-            buffer_free,
-            temperatures: None,
-        })
+    fn ack(line: Option<u32>, planner_free: Option<u32>, buffer_free: Option<u32>) -> Reply<'static> {
+        Reply::Ok(Ack { line, planner_free, buffer_free, temperatures: None })
     }
 
     #[test]
@@ -354,10 +327,7 @@ mod tests {
         for line in ["okay", "ok.", "okN5", "OK", "not ok", "o", "k", "oko"] {
             check(line, Reply::Other(line.as_bytes()));
         }
-        check(
-            "echo:Unknown command: \"ok\"",
-            Reply::UnknownCommand(b"\"ok\""),
-        );
+        check("echo:Unknown command: \"ok\"", Reply::UnknownCommand(b"\"ok\""));
         check("echo:ok", Reply::Note(b"ok"));
         check("// ok", Reply::Note(b"ok"));
         check("//action:ok", Reply::Action(b"ok"));
@@ -378,15 +348,7 @@ mod tests {
         ] {
             check(line, Reply::Resend(4));
         }
-        for line in [
-            "Resend: ",
-            "Resend",
-            "rs",
-            "Resend: 4x",
-            "rs4",
-            "Resend: 99999999999",
-            "Resend: -1",
-        ] {
+        for line in ["Resend: ", "Resend", "rs", "Resend: 4x", "rs4", "Resend: 99999999999", "Resend: -1"] {
             check(line, Reply::Other(line.trim_end().as_bytes()));
         }
     }
@@ -394,19 +356,10 @@ mod tests {
     #[test]
     fn errors() {
         let refused = |text: &'static str, last_line| {
-            check(
-                text,
-                Reply::Refused {
-                    last_line,
-                    text: text.as_bytes(),
-                },
-            );
+            check(text, Reply::Refused { last_line, text: text.as_bytes() });
         };
         refused("Error:checksum mismatch, Last Line: 3", 3);
-        refused(
-            "Error:Line Number is not Last Line Number+1, Last Line: 33",
-            33,
-        );
+        refused("Error:Line Number is not Last Line Number+1, Last Line: 33", 33);
         refused("Error:No Checksum with line number, Last Line: 0", 0);
         for line in [
             "!! MCU shutdown",
@@ -438,15 +391,9 @@ mod tests {
         check("echo:start", Reply::Note(b"start"));
         check("echo:busy: processing", Reply::Busy(Busy::Processing));
         check("busy: paused for user", Reply::Busy(Busy::PausedForUser));
-        check(
-            "echo:busy: paused for input",
-            Reply::Busy(Busy::PausedForInput),
-        );
+        check("echo:busy: paused for input", Reply::Busy(Busy::PausedForInput));
         check("//action:pause", Reply::Action(b"pause"));
-        check(
-            "// action:prompt_begin Filament?",
-            Reply::Action(b"prompt_begin Filament?"),
-        );
+        check("// action:prompt_begin Filament?", Reply::Action(b"prompt_begin Filament?"));
         check("Marlin 2.1.2.1", Reply::Other(b"Marlin 2.1.2.1"));
     }
 
@@ -454,12 +401,7 @@ mod tests {
     fn reports() {
         check(
             "X:1.50 Y:-2.00 Z:0.20 E:12.00 Count X:120 Y:-160 Z:80",
-            Reply::Position(Position {
-                x_mm: 1.5,
-                y_mm: -2.0,
-                z_mm: 0.2,
-                e_mm: Some(12.0),
-            }),
+            Reply::Position(Position { x_mm: 1.5, y_mm: -2.0, z_mm: 0.2, e_mm: Some(12.0) }),
         );
         check("X:1.50 Y:nan Z:0", Reply::Other(b"X:1.50 Y:nan Z:0"));
         check(
@@ -467,18 +409,9 @@ mod tests {
             Reply::Firmware(b"Marlin 2.1.2.1 (Sep  1 2023 12:00:00)"),
         );
         check("FIRMWARE_NAME:Klipper", Reply::Firmware(b"Klipper"));
-        check(
-            "Cap:AUTOREPORT_TEMP:1",
-            Reply::Capability {
-                name: b"AUTOREPORT_TEMP",
-                present: true,
-            },
-        );
+        check("Cap:AUTOREPORT_TEMP:1", Reply::Capability { name: b"AUTOREPORT_TEMP", present: true });
         check("Cap:X", Reply::Other(b"Cap:X"));
-        assert!(matches!(
-            parse(b" T:210.1 /210.0 B:60.0 /60.0 @:64 B@:30"),
-            Reply::Temperatures(_)
-        ));
+        assert!(matches!(parse(b" T:210.1 /210.0 B:60.0 /60.0 @:64 B@:30"), Reply::Temperatures(_)));
     }
 
     proptest! {

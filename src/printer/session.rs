@@ -49,11 +49,7 @@ enum Phase {
     /// Listening for `start` until it is time to speak.
     Boot { speak_ms: u64, latest_ms: u64 },
     /// M110 was sent; its `ok` leads on.
-    Numbering {
-        then: Then,
-        tries: u32,
-        retry_ms: u64,
-    },
+    Numbering { then: Then, tries: u32, retry_ms: u64 },
     /// Asking who is there: 0 nothing, 1 M115, [`ASKED_ALL`] M155 sent; then an
     /// M105 proves that both sides count alike.
     Identify { asked: u8 },
@@ -179,11 +175,9 @@ impl Session {
             Phase::Boot { speak_ms, .. } if now_ms >= speak_ms => {
                 self.number(Then::Identify, 0, now_ms);
             }
-            Phase::Numbering {
-                then,
-                tries,
-                retry_ms,
-            } if now_ms >= retry_ms => self.number(then, tries, now_ms),
+            Phase::Numbering { then, tries, retry_ms } if now_ms >= retry_ms => {
+                self.number(then, tries, now_ms)
+            }
             Phase::WindDown { until_ms, .. } if now_ms >= until_ms => self.make_safe(now_ms),
             Phase::Safe { until_ms, .. } if now_ms >= until_ms => self.end_early(Safety::Unknown),
             _ => {}
@@ -199,12 +193,7 @@ impl Session {
 
     /// Whether [`Session::feed`] would take a line.
     pub fn wants_line(&self) -> bool {
-        matches!(
-            self.phase,
-            Phase::Job {
-                closing: Closing::No
-            }
-        ) && !self.pending.full
+        matches!(self.phase, Phase::Job { closing: Closing::No }) && !self.pending.full
     }
 
     /// Gives the next line of the job: a command without comment or number (see
@@ -258,10 +247,8 @@ impl Session {
         self.pending.full = false;
         // What the printer asked for again it shall not get.
         self.window.truncate();
-        self.phase = Phase::WindDown {
-            until_ms: now_ms + WIND_DOWN_MS,
-            interrupt: self.printer.emergency_parser,
-        };
+        self.phase =
+            Phase::WindDown { until_ms: now_ms + WIND_DOWN_MS, interrupt: self.printer.emergency_parser };
         self.pump(now_ms);
     }
 
@@ -346,11 +333,7 @@ impl Session {
         }
         frame(0, b"M110 N0", &mut self.out);
         self.answers.forget_drain();
-        self.phase = Phase::Numbering {
-            then,
-            tries: tries + 1,
-            retry_ms: now_ms + HANDSHAKE_TRY_MS,
-        };
+        self.phase = Phase::Numbering { then, tries: tries + 1, retry_ms: now_ms + HANDSHAKE_TRY_MS };
     }
 
     /// M110 was acknowledged.
@@ -433,10 +416,7 @@ impl Session {
     }
 
     fn tell(&mut self, event: Event) {
-        let must = matches!(
-            event,
-            Event::Connected { .. } | Event::Stopping(_) | Event::Ended(_)
-        );
+        let must = matches!(event, Event::Connected { .. } | Event::Stopping(_) | Event::Ended(_));
         if must || self.events.len() < MAX_EVENTS {
             self.events.push_back(event);
         }

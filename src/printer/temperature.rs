@@ -55,10 +55,7 @@ pub(super) fn temperatures(text: &[u8]) -> Option<Temperatures> {
     // Where the target of the last reading goes.
     let mut open: Option<&[u8]> = None;
     let mut any = false;
-    for word in text
-        .split(u8::is_ascii_whitespace)
-        .filter(|w| !w.is_empty())
-    {
+    for word in text.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()) {
         let (name, value) = match (word, memchr::memchr(b':', word)) {
             ([b'/', target @ ..], _) => {
                 set_target(&mut all, open.take(), target);
@@ -75,10 +72,7 @@ pub(super) fn temperatures(text: &[u8]) -> Option<Temperatures> {
         if let Some(slot) = all.slot(name)
             && let Some(actual) = decimal(actual)
         {
-            *slot = Some(Reading {
-                actual_c: actual as f32,
-                target_c: None,
-            });
+            *slot = Some(Reading { actual_c: actual as f32, target_c: None });
             any = true;
             open = Some(name);
             if let Some(target) = target {
@@ -106,10 +100,8 @@ mod tests {
         let expect = expect.map(|readings| {
             let mut all = Temperatures::default();
             for (name, actual_c, target_c) in readings {
-                *all.slot(name.as_bytes()).unwrap() = Some(Reading {
-                    actual_c: *actual_c,
-                    target_c: *target_c,
-                });
+                *all.slot(name.as_bytes()).unwrap() =
+                    Some(Reading { actual_c: *actual_c, target_c: *target_c });
             }
             all
         });
@@ -133,18 +125,11 @@ mod tests {
         );
         check(
             "T:170.00/170.00 B:85.00/85.00 X:40.15/36.00 C:30.0/0.0",
-            Some(&[
-                ("T", 170.0, Some(170.0)),
-                ("B", 85.0, Some(85.0)),
-                ("C", 30.0, Some(0.0)),
-            ]),
+            Some(&[("T", 170.0, Some(170.0)), ("B", 85.0, Some(85.0)), ("C", 30.0, Some(0.0))]),
         );
         check("T:199.5 E:0 W:?", Some(&[("T", 199.5, None)]));
         check("T:199.5 W:3", Some(&[("T", 199.5, None)]));
-        check(
-            "B:60.0 /60.0 T0:200.0 /200.0",
-            Some(&[("B", 60.0, Some(60.0)), ("T0", 200.0, Some(200.0))]),
-        );
+        check("B:60.0 /60.0 T0:200.0 /200.0", Some(&[("B", 60.0, Some(60.0)), ("T0", 200.0, Some(200.0))]));
         check("T:-14.9 /0.0", Some(&[("T", -14.9, Some(0.0))]));
         check("T:20.0 /nan", Some(&[("T", 20.0, None)]));
         check("T9:20.0 /0", None);

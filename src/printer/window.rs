@@ -183,10 +183,7 @@ impl Window {
         self.scratch.clear();
         frame(n, command, &mut self.scratch);
         self.bytes.extend(&self.scratch);
-        self.entries.push_back(Entry {
-            len: self.scratch.len(),
-            tag,
-        });
+        self.entries.push_back(Entry { len: self.scratch.len(), tag });
         true
     }
 
@@ -252,8 +249,7 @@ impl Window {
     /// it shall not get.
     pub fn truncate(&mut self) {
         self.entries.truncate((self.cursor - self.first) as usize);
-        self.bytes
-            .truncate(self.history_bytes + self.in_flight_bytes);
+        self.bytes.truncate(self.history_bytes + self.in_flight_bytes);
     }
 
     fn forget_old(&mut self) {
@@ -286,10 +282,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const JOB: Tag = Tag {
-        job_line: 1,
-        kind: Kind::Quick,
-    };
+    const JOB: Tag = Tag { job_line: 1, kind: Kind::Quick };
 
     fn sent(window: &mut Window) -> String {
         let mut out = Vec::new();

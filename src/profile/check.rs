@@ -8,17 +8,17 @@ use super::{Fault, Located};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// How far off a key may be (edits, transpositions counted as one) and still
-/// be offered as the right name: past a third of its letters it is another word.
+/// How far off a name may be (edits, transpositions counted as one) and still
+/// be offered as the right one: past a third of its letters it is another
+/// word, unless the one is a part of the other (`mk3s`, `baudrate`).
 fn close_enough(written: &str, right: &str) -> bool {
-    strsim::osa_distance(written, right) <= (written.chars().count().max(3)) / 3
+    let part = written.len() >= 3 && right.contains(written) || right.len() >= 3 && written.contains(right);
+    part || strsim::osa_distance(written, right) <= written.chars().count().max(3) / 3
 }
 
 /// The nearest of some names, if any is near at all.
 pub(crate) fn nearest<'a>(written: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    names
-        .filter(|name| close_enough(written, name))
-        .min_by_key(|name| strsim::osa_distance(written, name))
+    names.filter(|name| close_enough(written, name)).min_by_key(|name| strsim::osa_distance(written, name))
 }
 
 /// The line, from 1, on which a byte of the text stands.
@@ -31,9 +31,7 @@ pub(crate) fn line_of(text: &str, offset: usize) -> usize {
 pub(crate) fn syntax(text: &str, error: &toml::de::Error) -> Located {
     Located {
         line: error.span().map_or(1, |span| line_of(text, span.start)),
-        fault: Fault::Syntax {
-            message: error.message().to_owned(),
-        },
+        fault: Fault::Syntax { message: error.message().to_owned() },
     }
 }
 
@@ -53,10 +51,7 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     fn at(&self, offset: usize, fault: Fault) -> Located {
-        Located {
-            line: line_of(self.text, offset),
-            fault,
-        }
+        Located { line: line_of(self.text, offset), fault }
     }
 
     fn table(&self, prefix: &str, table: &Spanned<DeTable<'_>>) -> Result<(), Located> {
@@ -72,22 +67,16 @@ impl Walk<'_> {
         for key in self.children(prefix).filter(|key| key.required) {
             let name = last(key.path);
             if !table.get_ref().contains_key(name) {
-                return Err(self.at(
-                    table.span().start,
-                    Fault::Missing {
-                        key: key.path.to_owned(),
-                        doc: key.doc,
-                    },
-                ));
+                return Err(
+                    self.at(table.span().start, Fault::Missing { key: key.path.to_owned(), doc: key.doc })
+                );
             }
         }
         Ok(())
     }
 
     fn children<'k>(&'k self, prefix: &'k str) -> impl Iterator<Item = &'k Key> {
-        self.keys
-            .iter()
-            .filter(move |key| parent(key.path) == prefix)
+        self.keys.iter().filter(move |key| parent(key.path) == prefix)
     }
 
     /// Looks among the table's own keys first, then for the same word elsewhere.
@@ -99,21 +88,12 @@ impl Walk<'_> {
                 .and_then(|near| self.keys.iter().find(|key| last(key.path) == near))
                 .map(|key| key.path.to_owned()),
         };
-        Fault::UnknownKey {
-            key: join(prefix, name),
-            nearest: offer,
-        }
+        Fault::UnknownKey { key: join(prefix, name), nearest: offer }
     }
 
     fn value(&self, key: &Key, value: &Spanned<DeValue<'_>>) -> Result<(), Located> {
         let wrong = |message: String| {
-            Err(self.at(
-                value.span().start,
-                Fault::Value {
-                    key: key.path.to_owned(),
-                    message,
-                },
-            ))
+            Err(self.at(value.span().start, Fault::Value { key: key.path.to_owned(), message }))
         };
         match (&key.takes, value.get_ref()) {
             (Takes::Table | Takes::Choice, DeValue::Table(table)) => {
@@ -131,8 +111,7 @@ impl Walk<'_> {
             (Takes::Text, DeValue::String(s)) if s.chars().any(char::is_control) => {
                 wrong("must not have control characters".to_owned())
             }
-            (Takes::Text | Takes::Macro, DeValue::String(_))
-            | (Takes::Flag, DeValue::Boolean(_)) => Ok(()),
+            (Takes::Text | Takes::Macro, DeValue::String(_)) | (Takes::Flag, DeValue::Boolean(_)) => Ok(()),
             (Takes::OneOf(words), DeValue::String(s)) => {
                 if words.contains(&s.as_ref()) {
                     return Ok(());
@@ -151,37 +130,26 @@ impl Walk<'_> {
             (Takes::Number(min, max), DeValue::Integer(_) | DeValue::Float(_)) => {
                 match number(value.get_ref()) {
                     Some(n) if (*min..=*max).contains(&n) => Ok(()),
-                    n => wrong(format!(
-                        "is {}, outside {min} to {max}",
-                        n.unwrap_or(f64::NAN)
-                    )),
+                    n => wrong(format!("is {}, outside {min} to {max}", n.unwrap_or(f64::NAN))),
                 }
             }
             (Takes::Macro, DeValue::Table(table)) => {
                 let named = table.len() == 1
-                    && table
-                        .get("file")
-                        .is_some_and(|v| matches!(v.get_ref(), DeValue::String(_)));
+                    && table.get("file").is_some_and(|v| matches!(v.get_ref(), DeValue::String(_)));
                 if named {
                     Ok(())
                 } else {
                     wrong("takes G-code in quotes, or { file = \"NAME\" }".to_owned())
                 }
             }
-            (takes, found) => wrong(format!(
-                "takes {}, but is {}",
-                wanted(takes),
-                found.type_str()
-            )),
+            (takes, found) => wrong(format!("takes {}, but is {}", wanted(takes), found.type_str())),
         }
     }
 }
 
 fn number(value: &DeValue<'_>) -> Option<f64> {
     match value {
-        DeValue::Integer(n) => i64::from_str_radix(n.as_str(), n.radix())
-            .ok()
-            .map(|n| n as f64),
+        DeValue::Integer(n) => i64::from_str_radix(n.as_str(), n.radix()).ok().map(|n| n as f64),
         DeValue::Float(f) => f.as_str().parse().ok(),
         _ => None,
     }
@@ -200,11 +168,7 @@ fn wanted(takes: &Takes) -> &'static str {
 }
 
 fn join(prefix: &str, name: &str) -> String {
-    if prefix.is_empty() {
-        name.to_owned()
-    } else {
-        format!("{prefix}.{name}")
-    }
+    if prefix.is_empty() { name.to_owned() } else { format!("{prefix}.{name}") }
 }
 
 /// The last word of a path.
@@ -222,66 +186,16 @@ mod tests {
     use super::*;
 
     const KEYS: &[Key] = &[
-        Key {
-            path: "name",
-            takes: Takes::Text,
-            required: true,
-            doc: "Name",
-        },
-        Key {
-            path: "kind",
-            takes: Takes::OneOf(&["fdm", "resin"]),
-            required: false,
-            doc: "",
-        },
-        Key {
-            path: "serial",
-            takes: Takes::Table,
-            required: false,
-            doc: "",
-        },
-        Key {
-            path: "serial.baud",
-            takes: Takes::Whole(1, 10),
-            required: true,
-            doc: "Speed",
-        },
-        Key {
-            path: "serial.dtr",
-            takes: Takes::Flag,
-            required: false,
-            doc: "",
-        },
-        Key {
-            path: "serial.window",
-            takes: Takes::Choice,
-            required: false,
-            doc: "",
-        },
-        Key {
-            path: "serial.window.bytes",
-            takes: Takes::Whole(1, 9),
-            required: false,
-            doc: "",
-        },
-        Key {
-            path: "serial.window.lines",
-            takes: Takes::Whole(1, 9),
-            required: false,
-            doc: "",
-        },
-        Key {
-            path: "size_mm",
-            takes: Takes::Number(0.5, 2.0),
-            required: false,
-            doc: "",
-        },
-        Key {
-            path: "cancel",
-            takes: Takes::Macro,
-            required: false,
-            doc: "",
-        },
+        Key { path: "name", takes: Takes::Text, required: true, doc: "Name" },
+        Key { path: "kind", takes: Takes::OneOf(&["fdm", "resin"]), required: false, doc: "" },
+        Key { path: "serial", takes: Takes::Table, required: false, doc: "" },
+        Key { path: "serial.baud", takes: Takes::Whole(1, 10), required: true, doc: "Speed" },
+        Key { path: "serial.dtr", takes: Takes::Flag, required: false, doc: "" },
+        Key { path: "serial.window", takes: Takes::Choice, required: false, doc: "" },
+        Key { path: "serial.window.bytes", takes: Takes::Whole(1, 9), required: false, doc: "" },
+        Key { path: "serial.window.lines", takes: Takes::Whole(1, 9), required: false, doc: "" },
+        Key { path: "size_mm", takes: Takes::Number(0.5, 2.0), required: false, doc: "" },
+        Key { path: "cancel", takes: Takes::Macro, required: false, doc: "" },
     ];
 
     /// `expect`: the line and a part of what is said; line 0 is "no fault".
@@ -305,7 +219,7 @@ mod tests {
         check(
             "name='a'\n[serial]\nbaudrate=5\nbaud=5",
             3,
-            "unknown key serial.baudrate",
+            "unknown key serial.baudrate; did you mean serial.baud?",
         );
         check("name='a'\n[serial]\nboud=5", 3, "did you mean serial.baud?");
         check("name='a'\nbaud=5", 2, "did you mean serial.baud?");
@@ -322,16 +236,8 @@ mod tests {
         check("name='a'\n[serial]\nbaud=11", 3, "is 11, outside 1 to 10");
         check("name='a'\n[serial]\nbaud=99999999999999999999", 3, "");
         check("name='a'\n[serial]\nbaud=1.5", 3, "a whole number");
-        check(
-            "name='a'\nserial.baud=1\nserial.window={}",
-            3,
-            "exactly one of bytes, lines",
-        );
-        check(
-            "name='a'\nserial.baud=1\nserial.window={bytes=1,lines=1}",
-            3,
-            "exactly one",
-        );
+        check("name='a'\nserial.baud=1\nserial.window={}", 3, "exactly one of bytes, lines");
+        check("name='a'\nserial.baud=1\nserial.window={bytes=1,lines=1}", 3, "exactly one");
         check("name='a'\nserial.baud=1\nserial.window={lines=1}", 0, "");
         check("name='a'\ncancel='M107'", 0, "");
         check("name='a'\ncancel={file='x'}", 0, "");

@@ -38,11 +38,8 @@ fn write_key(out: &mut String, key: &Key, value: &Value) {
         (true, true) => write!(out, "\n# {}\n[{}]\n", key.doc, key.path),
         (true, false) => writeln!(out, "# {}:", key.doc),
         (false, _) => {
-            let name = if root {
-                key.path
-            } else {
-                key.path.split_once('.').map_or(key.path, |(_, rest)| rest)
-            };
+            let name =
+                if root { key.path } else { key.path.split_once('.').map_or(key.path, |(_, rest)| rest) };
             let text = match value {
                 Value::String(s) if s.contains('\n') && !s.contains("'''") => {
                     format!("'''\n{s}'''")

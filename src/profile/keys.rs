@@ -42,21 +42,11 @@ pub enum Takes {
 pub const TEXT_BYTES_MAX: usize = 80;
 
 const fn key(path: &'static str, takes: Takes, doc: &'static str) -> Key {
-    Key {
-        path,
-        takes,
-        required: true,
-        doc,
-    }
+    Key { path, takes, required: true, doc }
 }
 
 const fn optional(path: &'static str, takes: Takes, doc: &'static str) -> Key {
-    Key {
-        path,
-        takes,
-        required: false,
-        doc,
-    }
+    Key { path, takes, required: false, doc }
 }
 
 use Takes::{Choice, Flag, Macro, Number, OneOf, Table, Text, Whole};
@@ -65,26 +55,14 @@ use Takes::{Choice, Flag, Macro, Number, OneOf, Table, Text, Whole};
 pub const PRINTER: &[Key] = &[
     key("name", Text, "Short name, as on the command line"),
     key("title", Text, "The maker's name for it"),
-    key(
-        "kind",
-        OneOf(&["fdm"]),
-        "How it prints: fdm is melted filament",
-    ),
+    key("kind", OneOf(&["fdm"]), "How it prints: fdm is melted filament"),
     key(
         "firmware",
         OneOf(&["marlin", "prusa", "klipper", "repetier", "reprapfirmware"]),
         "Family of firmware at the other end of the cable",
     ),
-    key(
-        "nozzle_mm",
-        Number(0.05, 3.0),
-        "Bore of the stock nozzle, mm",
-    ),
-    key(
-        "filament_mm",
-        Number(1.0, 4.0),
-        "Diameter of the filament, mm",
-    ),
+    key("nozzle_mm", Number(0.05, 3.0), "Bore of the stock nozzle, mm"),
+    key("filament_mm", Number(1.0, 4.0), "Diameter of the filament, mm"),
     key("bed", Table, "The volume that can be printed"),
     key(
         "bed.shape",
@@ -96,28 +74,12 @@ pub const PRINTER: &[Key] = &[
         OneOf(&["corner", "centre"]),
         "Where X 0, Y 0 lies: the front left corner or the middle",
     ),
-    key(
-        "bed.x_mm",
-        Number(10.0, 5000.0),
-        "Width (of a circle the diameter), mm",
-    ),
-    key(
-        "bed.y_mm",
-        Number(10.0, 5000.0),
-        "Depth (of a circle the diameter), mm",
-    ),
+    key("bed.x_mm", Number(10.0, 5000.0), "Width (of a circle the diameter), mm"),
+    key("bed.y_mm", Number(10.0, 5000.0), "Depth (of a circle the diameter), mm"),
     key("bed.z_mm", Number(10.0, 5000.0), "Height, mm"),
     key("serial", Table, "How the host talks to it"),
-    key(
-        "serial.baud",
-        Whole(1200, 4_000_000),
-        "Speed of the line, bits per second (native USB takes any)",
-    ),
-    key(
-        "serial.window",
-        Choice,
-        "How much may be on its way unacknowledged: bytes or lines",
-    ),
+    key("serial.baud", Whole(1200, 4_000_000), "Speed of the line, bits per second (native USB takes any)"),
+    key("serial.window", Choice, "How much may be on its way unacknowledged: bytes or lines"),
     optional(
         "serial.window.bytes",
         Whole(16, 65_536),
@@ -133,94 +95,42 @@ pub const PRINTER: &[Key] = &[
         Whole(32, 4096),
         "Longest framed line that the firmware takes whole, bytes without the line end (left out: no limit)",
     ),
-    key(
-        "serial.dtr_reset",
-        Flag,
-        "Whether opening the port (DTR) resets the board",
-    ),
+    key("serial.dtr_reset", Flag, "Whether opening the port (DTR) resets the board"),
     key("limits", Table, "Temperatures that must not be passed"),
-    key(
-        "limits.nozzle_c",
-        Number(100.0, 600.0),
-        "Hottest nozzle of the stock hot end, °C",
-    ),
-    key(
-        "limits.bed_c",
-        Number(0.0, 250.0),
-        "Hottest bed (0: no heater), °C",
-    ),
-    key(
-        "motion",
-        Table,
-        "Speeds and accelerations, for time estimates and the mock printer",
-    ),
-    key(
-        "motion.print_mm_s2",
-        Number(1.0, 1e5),
-        "Acceleration of printing moves (M204 P), mm/s²",
-    ),
-    key(
-        "motion.travel_mm_s2",
-        Number(1.0, 1e5),
-        "Acceleration of travel moves (M204 T), mm/s²",
-    ),
-    key(
-        "motion.retract_mm_s2",
-        Number(1.0, 1e5),
-        "Acceleration of retractions (M204 R), mm/s²",
-    ),
-    key(
-        "motion.cornering",
-        Choice,
-        "The firmware's rule for the speed through a corner: one of three",
-    ),
+    key("limits.nozzle_c", Number(100.0, 600.0), "Hottest nozzle of the stock hot end, °C"),
+    key("limits.bed_c", Number(0.0, 250.0), "Hottest bed (0: no heater), °C"),
+    key("motion", Table, "Speeds and accelerations, for time estimates and the mock printer"),
+    key("motion.print_mm_s2", Number(1.0, 1e5), "Acceleration of printing moves (M204 P), mm/s²"),
+    key("motion.travel_mm_s2", Number(1.0, 1e5), "Acceleration of travel moves (M204 T), mm/s²"),
+    key("motion.retract_mm_s2", Number(1.0, 1e5), "Acceleration of retractions (M204 R), mm/s²"),
+    key("motion.cornering", Choice, "The firmware's rule for the speed through a corner: one of three"),
     optional(
         "motion.cornering.jerk_mm_s",
         Number(0.01, 100.0),
         "Classic jerk of X and Y (M205 X Y): step in speed taken at once, mm/s",
     ),
-    optional(
-        "motion.cornering.junction_mm",
-        Number(0.001, 0.3),
-        "Junction deviation (M205 J), mm",
-    ),
+    optional("motion.cornering.junction_mm", Number(0.001, 0.3), "Junction deviation (M205 J), mm"),
     optional(
         "motion.cornering.square_corner_mm_s",
         Number(0.01, 100.0),
         "Klipper's square_corner_velocity: speed through a corner of 90°, mm/s",
     ),
-    key(
-        "motion.max_feed_mm_s",
-        Table,
-        "Fastest speed of each axis (M203), mm/s",
-    ),
+    key("motion.max_feed_mm_s", Table, "Fastest speed of each axis (M203), mm/s"),
     key("motion.max_feed_mm_s.x", Number(0.1, 2000.0), "X, mm/s"),
     key("motion.max_feed_mm_s.y", Number(0.1, 2000.0), "Y, mm/s"),
     key("motion.max_feed_mm_s.z", Number(0.1, 2000.0), "Z, mm/s"),
-    key(
-        "motion.max_feed_mm_s.e",
-        Number(0.1, 2000.0),
-        "Extruder, mm/s of filament",
-    ),
-    key(
-        "motion.max_accel_mm_s2",
-        Table,
-        "Highest acceleration of each axis (M201), mm/s²",
-    ),
+    key("motion.max_feed_mm_s.e", Number(0.1, 2000.0), "Extruder, mm/s of filament"),
+    key("motion.max_accel_mm_s2", Table, "Highest acceleration of each axis (M201), mm/s²"),
     key("motion.max_accel_mm_s2.x", Number(1.0, 1e5), "X, mm/s²"),
     key("motion.max_accel_mm_s2.y", Number(1.0, 1e5), "Y, mm/s²"),
     key("motion.max_accel_mm_s2.z", Number(1.0, 1e5), "Z, mm/s²"),
-    key(
-        "motion.max_accel_mm_s2.e",
-        Number(1.0, 1e5),
-        "Extruder, mm/s²",
+    key("motion.max_accel_mm_s2.e", Number(1.0, 1e5), "Extruder, mm/s²"),
+    key("macros", Table, "Commands that the host sends around a job, on top of the file's own"),
+    optional(
+        "macros.start",
+        Macro,
+        "Before the file's first line (`M85 S3600` here makes Marlin itself give up after an hour without a command, as from a host that died)",
     ),
-    key(
-        "macros",
-        Table,
-        "Commands that the host sends around a job, on top of the file's own",
-    ),
-    optional("macros.start", Macro, "Before the file's first line"),
     optional("macros.end", Macro, "After the file's last line"),
     optional(
         "macros.pause",
@@ -241,34 +151,14 @@ pub const MATERIAL: &[Key] = &[
     key("kind", OneOf(&["filament"]), "How it comes"),
     key("density_g_cm3", Number(0.2, 10.0), "Density, g/cm³"),
     key("nozzle_c", Table, "Temperature of the nozzle, °C"),
-    key(
-        "nozzle_c.min",
-        Number(100.0, 600.0),
-        "Coolest at which it still flows and bonds, °C",
-    ),
+    key("nozzle_c.min", Number(100.0, 600.0), "Coolest at which it still flows and bonds, °C"),
     key("nozzle_c.usual", Number(100.0, 600.0), "Where to start, °C"),
-    key(
-        "nozzle_c.max",
-        Number(100.0, 600.0),
-        "Hottest before it degrades, °C",
-    ),
+    key("nozzle_c.max", Number(100.0, 600.0), "Hottest before it degrades, °C"),
     key("bed_c", Table, "Temperature of the bed, °C"),
-    key(
-        "bed_c.min",
-        Number(0.0, 250.0),
-        "Coolest (0: a cold bed will do), °C",
-    ),
+    key("bed_c.min", Number(0.0, 250.0), "Coolest (0: a cold bed will do), °C"),
     key("bed_c.usual", Number(0.0, 250.0), "Where to start, °C"),
-    key(
-        "bed_c.max",
-        Number(0.0, 250.0),
-        "Hottest that still makes sense, °C",
-    ),
-    key(
-        "fan_percent",
-        Table,
-        "Part cooling fan after the first layers, %",
-    ),
+    key("bed_c.max", Number(0.0, 250.0), "Hottest that still makes sense, °C"),
+    key("fan_percent", Table, "Part cooling fan after the first layers, %"),
     key("fan_percent.min", Number(0.0, 100.0), "Least, %"),
     key("fan_percent.max", Number(0.0, 100.0), "Most, %"),
 ];

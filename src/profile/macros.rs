@@ -19,10 +19,7 @@ pub struct Macro(pub String);
 impl Macro {
     /// The commands: one a line, without `;` comments, blanks around or empty lines.
     pub fn lines(&self) -> impl Iterator<Item = &str> {
-        self.0
-            .lines()
-            .map(|line| line.split(';').next().unwrap_or("").trim())
-            .filter(|line| !line.is_empty())
+        self.0.lines().map(|line| line.split(';').next().unwrap_or("").trim()).filter(|line| !line.is_empty())
     }
 
     /// True when there is nothing to send.
@@ -36,21 +33,14 @@ struct Words<'a>(&'a str);
 
 impl Words<'_> {
     fn is(&self, name: &str) -> bool {
-        self.0
-            .split_whitespace()
-            .next()
-            .is_some_and(|word| word.eq_ignore_ascii_case(name))
+        self.0.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case(name))
     }
 
     /// The number after a letter, if the command has it.
     fn value(&self, letter: char) -> Option<f64> {
         self.0.split_whitespace().skip(1).find_map(|word| {
             let rest = word.strip_prefix(letter)?;
-            Some(if rest.is_empty() {
-                0.0
-            } else {
-                rest.parse().unwrap_or(f64::NAN)
-            })
+            Some(if rest.is_empty() { 0.0 } else { rest.parse().unwrap_or(f64::NAN) })
         })
     }
 
@@ -64,17 +54,10 @@ impl Words<'_> {
 /// `max_line` is the firmware's limit for a framed line in bytes.
 pub fn unsendable(text: &Macro, max_line: Option<u32>) -> Option<String> {
     if text.0.len() > MACRO_BYTES_MAX {
-        return Some(format!(
-            "it has {} bytes; a macro has at most {MACRO_BYTES_MAX}",
-            text.0.len()
-        ));
+        return Some(format!("it has {} bytes; a macro has at most {MACRO_BYTES_MAX}", text.0.len()));
     }
     for line in text.lines() {
-        if line
-            .bytes()
-            .any(|b| !(b' '..=b'~').contains(&b) && b != b'\t')
-            || line.contains('\\')
-        {
+        if line.bytes().any(|b| !(b' '..=b'~').contains(&b) && b != b'\t') || line.contains('\\') {
             return Some(format!(
                 "{line:?} has a character that firmware does not take: use plain ASCII without a backslash"
             ));
@@ -117,9 +100,7 @@ pub fn unsafe_cancel(text: &Macro, delta: bool) -> Option<&'static str> {
         } else if words.is("G0") || words.is("G1") {
             if words.value('Z').is_some() {
                 if !relative {
-                    return Some(
-                        "it moves Z to an absolute height: raise it relatively (G91) first",
-                    );
+                    return Some("it moves Z to an absolute height: raise it relatively (G91) first");
                 }
                 if words.value('Z').is_none_or(|z| z.is_nan() || z < 0.0) {
                     return Some("it moves Z downwards");
@@ -154,10 +135,7 @@ mod tests {
         let found = unsafe_cancel(&Macro(text.into()), delta);
         match expect {
             None => assert_eq!(found, None, "{text:?}"),
-            Some(part) => assert!(
-                found.is_some_and(|why| why.contains(part)),
-                "{text:?}: {found:?}"
-            ),
+            Some(part) => assert!(found.is_some_and(|why| why.contains(part)), "{text:?}: {found:?}"),
         }
     }
 

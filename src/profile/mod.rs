@@ -161,11 +161,7 @@ pub fn load_any(name_or_path: &str) -> Result<Any, ProfileError> {
         .text
         .parse::<toml::Table>()
         .is_ok_and(|t| t.get("kind").and_then(|k| k.as_str()) == Some("filament"));
-    Ok(if filament {
-        Any::Material(source.material()?)
-    } else {
-        Any::Printer(Box::new(source.printer()?))
-    })
+    Ok(if filament { Any::Material(source.material()?) } else { Any::Printer(Box::new(source.printer()?)) })
 }
 
 /// The text of a profile and where it came from.
@@ -194,37 +190,19 @@ impl Source {
         let (name, text) = found.ok_or_else(|| ProfileError::UnknownName {
             kind,
             name: name_or_path.to_owned(),
-            nearest: check::nearest(name_or_path, known.iter().map(|(name, _)| *name))
-                .map(str::to_owned),
+            nearest: check::nearest(name_or_path, known.iter().map(|(name, _)| *name)).map(str::to_owned),
         })?;
-        Ok(Self {
-            text: (*text).to_owned(),
-            name: format!("built-in profile {name}"),
-            folder: None,
-        })
+        Ok(Self { text: (*text).to_owned(), name: format!("built-in profile {name}"), folder: None })
     }
 
     fn error(&self, at: Located) -> ProfileError {
-        ProfileError::Content {
-            file: self.name.clone(),
-            at,
-        }
+        ProfileError::Content { file: self.name.clone(), at }
     }
 
     fn value(&self, key: &str, message: String) -> ProfileError {
         let word = check::last(key);
-        let line = self
-            .text
-            .lines()
-            .position(|l| l.trim_start().starts_with(word))
-            .map_or(1, |n| n + 1);
-        self.error(Located {
-            line,
-            fault: Fault::Value {
-                key: key.to_owned(),
-                message,
-            },
-        })
+        let line = self.text.lines().position(|l| l.trim_start().starts_with(word)).map_or(1, |n| n + 1);
+        self.error(Located { line, fault: Fault::Value { key: key.to_owned(), message } })
     }
 
     fn printer(&self) -> Result<Profile, ProfileError> {
@@ -265,15 +243,11 @@ impl Source {
 
     fn checked(&self, keys: &[keys::Key]) -> Result<toml::Table, ProfileError> {
         check::check(&self.text, keys).map_err(|at| self.error(at))?;
-        self.text
-            .parse()
-            .map_err(|e| self.error(check::syntax(&self.text, &e)))
+        self.text.parse().map_err(|e| self.error(check::syntax(&self.text, &e)))
     }
 
     fn build<T: DeserializeOwned>(&self, table: toml::Table) -> Result<T, ProfileError> {
-        table
-            .try_into()
-            .map_err(|e| self.error(check::syntax(&self.text, &e)))
+        table.try_into().map_err(|e| self.error(check::syntax(&self.text, &e)))
     }
 
     /// Puts the text of a macro's file in the place of its name: beside the
@@ -312,20 +286,13 @@ impl Source {
 /// Reads a small text file.
 fn read(path: &Path) -> Result<String, ProfileError> {
     use std::io::Read;
-    let failed = |source| ProfileError::Read {
-        file: path.to_owned(),
-        source,
-    };
+    let failed = |source| ProfileError::Read { file: path.to_owned(), source };
     let file = std::fs::File::open(path).map_err(failed)?;
     let mut text = String::new();
     // One byte more than the limit is enough to know that it was passed.
-    file.take(FILE_BYTES_MAX + 1)
-        .read_to_string(&mut text)
-        .map_err(failed)?;
+    file.take(FILE_BYTES_MAX + 1).read_to_string(&mut text).map_err(failed)?;
     if text.len() as u64 > FILE_BYTES_MAX {
-        return Err(ProfileError::TooLarge {
-            file: path.to_owned(),
-        });
+        return Err(ProfileError::TooLarge { file: path.to_owned() });
     }
     Ok(text)
 }

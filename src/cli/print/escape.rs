@@ -42,10 +42,7 @@ mod tests {
         check("T:20.0 /0.0", "T:20.0 /0.0");
         check("Düse ✓", "Düse ✓");
         check("\x1b[2Jgone", "\\u{1b}[2Jgone");
-        check(
-            "a\r\nb\t\u{9b}31m\0",
-            "a\\u{d}\\u{a}b\\u{9}\\u{9b}31m\\u{0}",
-        );
+        check("a\r\nb\t\u{9b}31m\0", "a\\u{d}\\u{a}b\\u{9}\\u{9b}31m\\u{0}");
         check("\u{202e}evil", "\\u{202e}evil");
         let long = "x".repeat(1000);
         assert_eq!(printable(&long).chars().count(), MAX_CHARS + 1);

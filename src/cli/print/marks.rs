@@ -67,9 +67,7 @@ fn comment_mark(comment: &[u8]) -> Option<Mark> {
 /// `M73 P12 R34`: 34 minutes are left.
 fn remaining(rest: &[u8]) -> Option<Mark> {
     let code = rest.split(|b| *b == b';').next()?;
-    let minutes = code
-        .split(u8::is_ascii_whitespace)
-        .find_map(|word| word.strip_prefix(b"R"))?;
+    let minutes = code.split(u8::is_ascii_whitespace).find_map(|word| word.strip_prefix(b"R"))?;
     number(minutes).map(|m| Mark::Left(m * 60.0))
 }
 

@@ -52,12 +52,7 @@ pub(super) struct Show {
 }
 
 impl Show {
-    pub(super) fn new(
-        verbose: bool,
-        checked: Checked,
-        facts: Facts,
-        marks: Rc<RefCell<Marks>>,
-    ) -> Self {
+    pub(super) fn new(verbose: bool, checked: Checked, facts: Facts, marks: Rc<RefCell<Marks>>) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(checked.last_command);
             let style = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {msg}");
@@ -84,9 +79,7 @@ impl Show {
         };
         if checked.shortened > 0 {
             let n = checked.shortened;
-            show.say(&format!(
-                "{n} messages (M117, M118) are too long and will be shortened"
-            ));
+            show.say(&format!("{n} messages (M117, M118) are too long and will be shortened"));
         }
         show
     }
@@ -202,9 +195,7 @@ impl Watcher for Show {
         match event {
             Event::Connected { firmware, .. } => {
                 self.connected = true;
-                let name = firmware
-                    .as_deref()
-                    .unwrap_or("a printer that does not say its name");
+                let name = firmware.as_deref().unwrap_or("a printer that does not say its name");
                 self.say(&format!("connected to {}", printable(name)));
             }
             Event::Temperatures(t) => self.temperatures = Some(*t),
@@ -223,9 +214,7 @@ impl Watcher for Show {
             Event::Probed { timeouts } => {
                 self.probes += 1;
                 if self.verbose || *timeouts > 1 {
-                    self.say(&format!(
-                        "no answer from the printer (timeout {timeouts}); asking again"
-                    ));
+                    self.say(&format!("no answer from the printer (timeout {timeouts}); asking again"));
                 }
             }
             Event::ManyResends { resends, lines } => self.say(&format!(
@@ -245,9 +234,9 @@ impl Watcher for Show {
                     self.say(&format!("printer: {}", printable(text)));
                 }
             }
-            Event::Skipped { job_line } => self.say(&format!(
-                "line {job_line} of the file sets the line number (M110) and was left out"
-            )),
+            Event::Skipped { job_line } => {
+                self.say(&format!("line {job_line} of the file sets the line number (M110) and was left out"))
+            }
             Event::Stopping(ending) => self.say(&match ending {
                 Ending::Cancelled => "cancelling: waiting for what the printer has, then the \
                                       cancel macro; Ctrl-C again quits at once and leaves \

@@ -45,10 +45,7 @@ impl EmergencyParser {
 fn classify(line: &[u8]) -> Option<Emergency> {
     let mut line = super::line::trim_start(line);
     if let Some(after) = line.strip_prefix(b"N") {
-        let number = after
-            .iter()
-            .take_while(|b| b.is_ascii_digit() || matches!(b, b'-' | b' '))
-            .count();
+        let number = after.iter().take_while(|b| b.is_ascii_digit() || matches!(b, b'-' | b' ')).count();
         line = &after[number..];
     }
     let code = line.strip_prefix(b"M")?;

@@ -25,16 +25,10 @@ pub(crate) struct Plant {
 }
 
 /// A 40 W cartridge in a small block: 3.5 °C/s when cold, 210 °C after 70 s.
-pub(crate) const NOZZLE: Plant = Plant {
-    full_power_c: 450.0,
-    time_constant_s: 120.0,
-};
+pub(crate) const NOZZLE: Plant = Plant { full_power_c: 450.0, time_constant_s: 120.0 };
 
 /// A 24 V bed: 0.45 °C/s when cold, 60 °C after 100 s.
-pub(crate) const BED: Plant = Plant {
-    full_power_c: 130.0,
-    time_constant_s: 240.0,
-};
+pub(crate) const BED: Plant = Plant { full_power_c: 130.0, time_constant_s: 240.0 };
 
 /// One heater. Times are simulated seconds and never run backwards.
 #[derive(Clone, Debug)]
@@ -48,12 +42,7 @@ pub(crate) struct Heater {
 
 impl Heater {
     pub(crate) fn new(plant: Plant) -> Self {
-        Self {
-            plant,
-            target_c: 0.0,
-            from_c: ROOM_C,
-            from_s: 0.0,
-        }
+        Self { plant, target_c: 0.0, from_c: ROOM_C, from_s: 0.0 }
     }
 
     pub(crate) fn target_c(&self) -> f64 {
@@ -74,22 +63,14 @@ impl Heater {
 
     /// Where it drifts to on its present course.
     fn end_c(&self) -> f64 {
-        if self.heats() {
-            self.plant.full_power_c
-        } else {
-            ROOM_C
-        }
+        if self.heats() { self.plant.full_power_c } else { ROOM_C }
     }
 
     pub(crate) fn temperature_c(&self, now_s: f64) -> f64 {
         let end = self.end_c();
         let fade = (-(now_s - self.from_s).max(0.0) / self.plant.time_constant_s).exp();
         let drift = end + (self.from_c - end) * fade;
-        if self.heats() {
-            drift.min(self.target_c)
-        } else {
-            drift.max(self.target_c)
-        }
+        if self.heats() { drift.min(self.target_c) } else { drift.max(self.target_c) }
     }
 
     /// Power as Marlin reports it, 0 to 127.
@@ -112,11 +93,7 @@ impl Heater {
             return now_s;
         }
         let end = self.end_c();
-        let goal = if self.heats() {
-            self.target_c - window_c
-        } else {
-            self.target_c + window_c
-        };
+        let goal = if self.heats() { self.target_c - window_c } else { self.target_c + window_c };
         let ratio = (end - now_c) / (end - goal);
         if ratio.is_finite() && ratio > 1.0 {
             now_s + self.plant.time_constant_s * ratio.ln()

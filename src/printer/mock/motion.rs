@@ -130,11 +130,7 @@ impl Motion {
         let mut to = from;
         for (axis, &letter) in LETTERS.iter().enumerate() {
             if let Some(value) = self.length(command, letter) {
-                let relative = if axis == 3 {
-                    self.e_relative
-                } else {
-                    self.relative
-                };
+                let relative = if axis == 3 { self.e_relative } else { self.relative };
                 to[axis] = clamp(if relative { from[axis] + value } else { value });
             }
         }
@@ -166,15 +162,7 @@ impl Motion {
             let chords = (arc.sweep.abs() * arc.radius / ARC_CHORD_MM).ceil();
             (chords as u32).clamp(1, ARC_CHORDS_MAX)
         });
-        Path {
-            from,
-            to,
-            arc,
-            done: 0,
-            pieces,
-            feed_mm_s,
-            flow: self.flow_factor,
-        }
+        Path { from, to, arc, done: 0, pieces, feed_mm_s, flow: self.flow_factor }
     }
 
     /// The arc in the XY plane; `None` (a straight line then) where the words
@@ -190,10 +178,7 @@ impl Motion {
             let off = (r * r - chord * chord / 4.0).max(0.0).sqrt();
             // The centre is left of the chord for the short way counter-clockwise.
             let side = if clockwise == (r > 0.0) { -1.0 } else { 1.0 };
-            [
-                from[0] + dx / 2.0 - side * off * dy / chord,
-                from[1] + dy / 2.0 + side * off * dx / chord,
-            ]
+            [from[0] + dx / 2.0 - side * off * dy / chord, from[1] + dy / 2.0 + side * off * dx / chord]
         } else {
             let (i, j) = (self.length(command, b'I'), self.length(command, b'J'));
             if i.is_none() && j.is_none() {
@@ -211,12 +196,7 @@ impl Motion {
             // The end is the start: once around.
             sweep = if clockwise { -TAU } else { TAU };
         }
-        Some(Arc {
-            centre,
-            radius: (from[0] - centre[0]).hypot(from[1] - centre[1]),
-            from: start,
-            sweep,
-        })
+        Some(Arc { centre, radius: (from[0] - centre[0]).hypot(from[1] - centre[1]), from: start, sweep })
     }
 }
 
@@ -306,70 +286,25 @@ mod tests {
     #[test]
     fn lines_and_modes() {
         check(&["G1 X13 Y4 E1"], [13.0, 4.0, 0.0, 1.0], 5.0, 1.0);
-        check(
-            &["G91", "G1 X3 Y4 E1", "G1 X3 Y4 E1"],
-            [16.0, 8.0, 0.0, 2.0],
-            5.0,
-            1.0,
-        );
-        check(
-            &["M83", "G1 X13 Y4 E1", "G1 E1"],
-            [13.0, 4.0, 0.0, 2.0],
-            0.0,
-            1.0,
-        );
-        check(
-            &["G91", "G90", "G1 E1", "G1 E1"],
-            [10.0, 0.0, 0.0, 1.0],
-            0.0,
-            0.0,
-        );
+        check(&["G91", "G1 X3 Y4 E1", "G1 X3 Y4 E1"], [16.0, 8.0, 0.0, 2.0], 5.0, 1.0);
+        check(&["M83", "G1 X13 Y4 E1", "G1 E1"], [13.0, 4.0, 0.0, 2.0], 0.0, 1.0);
+        check(&["G91", "G90", "G1 E1", "G1 E1"], [10.0, 0.0, 0.0, 1.0], 0.0, 0.0);
         check(&["G92 X0 E5", "G1 X1 E6"], [1.0, 0.0, 0.0, 6.0], 1.0, 1.0);
         check(&["G92", "G1 Z1"], [0.0, 0.0, 1.0, 0.0], 1.0, 0.0);
         check(&["G20", "G1 X1"], [25.4, 0.0, 0.0, 0.0], 15.4, 0.0);
         check(&["M221 S50", "G1 E2"], [10.0, 0.0, 0.0, 2.0], 0.0, 1.0);
         check(&["G1 F100"], [10.0, 0.0, 0.0, 0.0], 0.0, 0.0);
-        check(
-            &["G1 X99999999999 Z-99999999999"],
-            [1e6, 0.0, -1e6, 0.0],
-            1_414_206.491_323,
-            0.0,
-        );
+        check(&["G1 X99999999999 Z-99999999999"], [1e6, 0.0, -1e6, 0.0], 1_414_206.491_323, 0.0);
     }
 
     #[test]
     fn arcs() {
         let quarter = TAU * 10.0 / 4.0;
-        check(
-            &["G3 X0 Y10 I-10 E1"],
-            [0.0, 10.0, 0.0, 1.0],
-            quarter * 0.9996,
-            1.0,
-        );
-        check(
-            &["G2 X0 Y10 I-10"],
-            [0.0, 10.0, 0.0, 0.0],
-            3.0 * quarter * 0.99958,
-            0.0,
-        );
-        check(
-            &["G3 X0 Y10 R10"],
-            [0.0, 10.0, 0.0, 0.0],
-            quarter * 0.9996,
-            0.0,
-        );
-        check(
-            &["G3 X0 Y10 R-10"],
-            [0.0, 10.0, 0.0, 0.0],
-            3.0 * quarter * 0.99958,
-            0.0,
-        );
-        check(
-            &["G3 I-10"],
-            [10.0, 0.0, 0.0, 0.0],
-            4.0 * quarter * 0.99958,
-            0.0,
-        );
+        check(&["G3 X0 Y10 I-10 E1"], [0.0, 10.0, 0.0, 1.0], quarter * 0.9996, 1.0);
+        check(&["G2 X0 Y10 I-10"], [0.0, 10.0, 0.0, 0.0], 3.0 * quarter * 0.99958, 0.0);
+        check(&["G3 X0 Y10 R10"], [0.0, 10.0, 0.0, 0.0], quarter * 0.9996, 0.0);
+        check(&["G3 X0 Y10 R-10"], [0.0, 10.0, 0.0, 0.0], 3.0 * quarter * 0.99958, 0.0);
+        check(&["G3 I-10"], [10.0, 0.0, 0.0, 0.0], 4.0 * quarter * 0.99958, 0.0);
         check(&["G3 X13 Y4"], [13.0, 4.0, 0.0, 0.0], 5.0, 0.0);
         let mut motion = Motion::default();
         let (pieces, ..) = run(&mut motion, "G3 I-999999");
@@ -384,10 +319,7 @@ mod tests {
         assert_eq!(path.next(), None);
         assert!(motion.firmware_retract(true).is_none());
         assert_eq!(motion.at_mm[3], 0.0);
-        assert_eq!(
-            motion.firmware_retract(false).unwrap().next(),
-            Some([0.0, 0.0, 0.0, 3.0])
-        );
+        assert_eq!(motion.firmware_retract(false).unwrap().next(), Some([0.0, 0.0, 0.0, 3.0]));
     }
 
     proptest::proptest! {

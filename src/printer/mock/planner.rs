@@ -199,18 +199,9 @@ impl Planner {
         let accel_mm_s2 = accel_mm_s2.max(1.0);
         let nominal_mm_s = nominal_mm_s.max(0.05); // Marlin's MINIMUM_PLANNER_SPEED
         let entry_max_mm_s = self.blocks.back().map_or(0.0, |before| {
-            self.corner(before, &direction, accel_mm_s2)
-                .min(before.nominal_mm_s)
-                .min(nominal_mm_s)
+            self.corner(before, &direction, accel_mm_s2).min(before.nominal_mm_s).min(nominal_mm_s)
         });
-        Some(Block {
-            length_mm,
-            direction,
-            nominal_mm_s,
-            accel_mm_s2,
-            entry_max_mm_s,
-            entry_mm_s: 0.0,
-        })
+        Some(Block { length_mm, direction, nominal_mm_s, accel_mm_s2, entry_max_mm_s, entry_mm_s: 0.0 })
     }
 
     /// The speed at which the corner between two moves may be taken.
@@ -219,11 +210,7 @@ impl Planner {
         match self.dynamics.cornering {
             Cornering::JerkMmS(jerk) => {
                 let step = pairs().map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                if step > 1e-9 {
-                    jerk / step
-                } else {
-                    f64::INFINITY
-                }
+                if step > 1e-9 { jerk / step } else { f64::INFINITY }
             }
             Cornering::JunctionMm(deviation) => {
                 // Marlin, Planner::_populate_block; the idea is Jeon's (2011).
@@ -244,8 +231,7 @@ impl Planner {
 
     /// Sets the entry speeds of the moves that do not run yet.
     fn look_ahead(&mut self) {
-        let reach =
-            |v: f64, block: &Block| (v * v + 2.0 * block.accel_mm_s2 * block.length_mm).sqrt();
+        let reach = |v: f64, block: &Block| (v * v + 2.0 * block.accel_mm_s2 * block.length_mm).sqrt();
         let mut exit = 0.0;
         for block in self.blocks.range_mut(1..).rev() {
             block.entry_mm_s = block.entry_max_mm_s.min(reach(exit, block));
@@ -277,17 +263,9 @@ impl Planner {
 
 /// How long a move takes from one speed to another, s.
 fn trapezoid_s(block: &Block, entry: f64, exit: f64) -> f64 {
-    let Block {
-        length_mm: length,
-        nominal_mm_s: nominal,
-        accel_mm_s2: accel,
-        ..
-    } = *block;
-    let peak = ((2.0 * accel * length + entry * entry + exit * exit) / 2.0)
-        .sqrt()
-        .min(nominal)
-        .max(entry)
-        .max(exit);
+    let Block { length_mm: length, nominal_mm_s: nominal, accel_mm_s2: accel, .. } = *block;
+    let peak =
+        ((2.0 * accel * length + entry * entry + exit * exit) / 2.0).sqrt().min(nominal).max(entry).max(exit);
     let ramps = (2.0 * peak * peak - entry * entry - exit * exit) / (2.0 * accel);
     let cruise = (length - ramps).max(0.0);
     (2.0 * peak - entry - exit) / accel + cruise / peak
@@ -331,11 +309,7 @@ mod tests {
     fn one_move_is_a_trapezoid_from_rest_to_rest() {
         check_one([100.0, 0.0, 0.0, 0.0], 100.0, 0.1 + 0.9 + 0.1);
         // Too short to reach its speed: two ramps of 10 mm.
-        check_one(
-            [20.0, 0.0, 0.0, 0.0],
-            200.0,
-            2.0 * (20.0f64 / 1000.0).sqrt(),
-        );
+        check_one([20.0, 0.0, 0.0, 0.0], 200.0, 2.0 * (20.0f64 / 1000.0).sqrt());
         // Z is held to 12 mm/s and 200 mm/s².
         check_one([0.0, 0.0, 12.0, 0.0], 100.0, 1.0 + 12.0 / 200.0);
         // Filament alone.

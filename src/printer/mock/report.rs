@@ -42,19 +42,13 @@ pub(crate) fn heating(temperatures: &str, left_s: Option<u64>) -> String {
 
 /// The keep-alive of a command that takes long.
 pub(crate) fn busy(waits_for_user: bool) -> &'static [u8] {
-    if waits_for_user {
-        b"echo:busy: paused for user\n"
-    } else {
-        b"echo:busy: processing\n"
-    }
+    if waits_for_user { b"echo:busy: paused for user\n" } else { b"echo:busy: processing\n" }
 }
 
 /// Appends ` N12 P15 B3`, the number only if the line begins with one.
 pub(crate) fn advanced_ok(ok: &mut Vec<u8>, line: &[u8], free: (usize, usize)) {
     if line.first() == Some(&b'N') {
-        let digits = line[1..]
-            .iter()
-            .take_while(|b| b.is_ascii_digit() || matches!(b, b'-' | b'+'));
+        let digits = line[1..].iter().take_while(|b| b.is_ascii_digit() || matches!(b, b'-' | b'+'));
         ok.extend(b" N");
         ok.extend(digits);
     }

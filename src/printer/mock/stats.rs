@@ -163,10 +163,7 @@ mod tests {
         assert_eq!(digest.hex(), "cbf29ce484222325");
         digest.add(b"M105");
         digest.add(b"M110 N0");
-        assert_eq!(
-            (digest.hex().as_str(), digest.lines()),
-            ("cbf29ce484222325", 0)
-        );
+        assert_eq!((digest.hex().as_str(), digest.lines()), ("cbf29ce484222325", 0));
         digest.add(b"a");
         // FNV-1a of "a\n", from the published algorithm.
         assert_eq!(digest.hex(), "089bdc07b544e7b2");

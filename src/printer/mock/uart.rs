@@ -46,11 +46,7 @@ impl Uart {
     /// RX_BUFFER_SIZE: a ring that holds one byte less.
     pub(crate) fn new(baud: u32, rx_bytes: usize) -> Self {
         Self {
-            byte_ns: if baud == 0 {
-                0
-            } else {
-                BITS_PER_BYTE * 1_000_000_000 / u64::from(baud)
-            },
+            byte_ns: if baud == 0 { 0 } else { BITS_PER_BYTE * 1_000_000_000 / u64::from(baud) },
             wire: VecDeque::with_capacity(WIRE_BYTES_MAX),
             wire_next_ns: 0,
             wire_idle_ns: 0,

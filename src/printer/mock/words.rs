@@ -23,18 +23,9 @@ impl<'a> Command<'a> {
     pub(crate) fn parse(line: &'a [u8]) -> Self {
         let line = skip_number(trim_start(line));
         // The first letter is passed over in the search, as Marlin does.
-        let end = line
-            .iter()
-            .skip(1)
-            .position(|&b| b == b'*')
-            .map_or(line.len(), |at| at + 1);
+        let end = line.iter().skip(1).position(|&b| b == b'*').map_or(line.len(), |at| at + 1);
         let whole = trim_end(&line[..end]);
-        let unknown = Self {
-            letter: b'?',
-            code: 0,
-            whole,
-            rest: &[],
-        };
+        let unknown = Self { letter: b'?', code: 0, whole, rest: &[] };
         let Some((&letter, after)) = whole.split_first() else {
             return unknown;
         };
@@ -43,15 +34,10 @@ impl<'a> Command<'a> {
             return unknown;
         }
         let digits = after.iter().take_while(|b| b.is_ascii_digit()).count();
-        let code = after[..digits].iter().fold(0u32, |n, b| {
-            n.saturating_mul(10).saturating_add(u32::from(b - b'0'))
-        });
-        Self {
-            letter,
-            code,
-            whole,
-            rest: trim_start(&after[digits..]),
-        }
+        let code = after[..digits]
+            .iter()
+            .fold(0u32, |n, b| n.saturating_mul(10).saturating_add(u32::from(b - b'0')));
+        Self { letter, code, whole, rest: trim_start(&after[digits..]) }
     }
 
     /// Whether a parameter is there, with a value or without.
@@ -72,10 +58,7 @@ impl<'a> Command<'a> {
             if found.to_ascii_uppercase() == letter {
                 return Some(value);
             }
-            let skip = value
-                .iter()
-                .take_while(|b| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.'))
-                .count();
+            let skip = value.iter().take_while(|b| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.')).count();
             text = trim_start(&value[skip..]);
         }
         None
@@ -85,17 +68,11 @@ impl<'a> Command<'a> {
 /// The number at the beginning of some bytes: a sign, digits, a point, digits.
 fn decimal(text: &[u8]) -> Option<f64> {
     let sign = usize::from(matches!(text.first(), Some(b'+' | b'-')));
-    let whole = text[sign..]
-        .iter()
-        .take_while(|b| b.is_ascii_digit())
-        .count();
+    let whole = text[sign..].iter().take_while(|b| b.is_ascii_digit()).count();
     let mut end = sign + whole;
     let mut digits = whole;
     if text.get(end) == Some(&b'.') {
-        let part = text[end + 1..]
-            .iter()
-            .take_while(|b| b.is_ascii_digit())
-            .count();
+        let part = text[end + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
         digits += part;
         end += 1 + part;
     }
@@ -107,8 +84,8 @@ fn decimal(text: &[u8]) -> Option<f64> {
 
 /// Passes over `N…`, whose case does not matter here.
 fn skip_number(line: &[u8]) -> &[u8] {
-    let numbered = matches!(line.first(), Some(b'N' | b'n'))
-        && matches!(line.get(1), Some(b'0'..=b'9' | b'-' | b'+'));
+    let numbered =
+        matches!(line.first(), Some(b'N' | b'n')) && matches!(line.get(1), Some(b'0'..=b'9' | b'-' | b'+'));
     if !numbered {
         return line;
     }

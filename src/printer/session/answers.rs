@@ -41,10 +41,7 @@ impl Answers {
     }
 
     pub(super) fn no_answer(&self) -> Failure {
-        Failure::NoAnswer {
-            bytes: self.bytes,
-            lines: self.understood,
-        }
+        Failure::NoAnswer { bytes: self.bytes, lines: self.understood }
     }
 
     /// Starts to wait for silence.
@@ -53,11 +50,8 @@ impl Answers {
     }
 
     fn drain_for(&mut self, line: Option<u32>, now_ms: u64) {
-        self.drain = Some(Drain {
-            line,
-            quiet_ms: now_ms + DRAIN_QUIET_MS,
-            latest_ms: now_ms + DRAIN_MAX_MS,
-        });
+        self.drain =
+            Some(Drain { line, quiet_ms: now_ms + DRAIN_QUIET_MS, latest_ms: now_ms + DRAIN_MAX_MS });
     }
 
     pub(super) fn forget_drain(&mut self) {
@@ -118,11 +112,7 @@ impl Session {
             Reply::Error(text) => self.tell(Event::PrinterError(lossy(text))),
             Reply::Note(text) | Reply::Other(text) => self.tell(Event::Note(lossy(text))),
         }
-        if let Phase::Boot {
-            speak_ms,
-            latest_ms,
-        } = &mut self.phase
-        {
+        if let Phase::Boot { speak_ms, latest_ms } = &mut self.phase {
             // While the printer still prints its settings, it would not listen.
             *speak_ms = (*speak_ms).max(now_ms + BOOT_QUIET_MS).min(*latest_ms);
         }
@@ -165,9 +155,7 @@ impl Session {
     /// Lines from `from` on were acknowledged.
     pub(super) fn acked(&mut self, from: u32, now_ms: u64) {
         let upto = self.window.acked();
-        let newest = (from..upto)
-            .rev()
-            .find_map(|n| self.window.tag(n).filter(|tag| tag.job_line > 0));
+        let newest = (from..upto).rev().find_map(|n| self.window.tag(n).filter(|tag| tag.job_line > 0));
         if let Some(tag) = newest {
             self.job_acked = self.job_acked.max(tag.job_line);
         }
@@ -186,11 +174,7 @@ impl Session {
             Phase::Numbering { then, tries, .. } => {
                 // M110 itself was damaged, or older lines are still refused.
                 let retry_ms = now_ms + DRAIN_QUIET_MS;
-                self.phase = Phase::Numbering {
-                    then,
-                    tries,
-                    retry_ms,
-                };
+                self.phase = Phase::Numbering { then, tries, retry_ms };
                 return;
             }
             _ => {}
@@ -239,9 +223,7 @@ impl Session {
         answers.resend_rounds += 1;
         answers.resends += 1;
         let (resends, lines) = (answers.resends, self.lines_sent);
-        if !answers.warned
-            && lines >= RESEND_WARNING_LINES
-            && resends * 100 > lines * RESEND_WARNING_PERCENT
+        if !answers.warned && lines >= RESEND_WARNING_LINES && resends * 100 > lines * RESEND_WARNING_PERCENT
         {
             answers.warned = true;
             self.tell(Event::ManyResends { resends, lines });
@@ -294,25 +276,14 @@ impl Session {
         match self.phase {
             Phase::Boot { latest_ms, .. } => {
                 let speak_ms = now_ms + BOOT_QUIET_MS;
-                self.phase = Phase::Boot {
-                    speak_ms,
-                    latest_ms: latest_ms.max(speak_ms),
-                };
+                self.phase = Phase::Boot { speak_ms, latest_ms: latest_ms.max(speak_ms) };
             }
             // It boots while we ask: what was sent before is lost.
-            Phase::Numbering {
-                then: Then::Identify,
-                ..
-            }
-            | Phase::Identify { .. }
-                if !self.touched =>
-            {
+            Phase::Numbering { then: Then::Identify, .. } | Phase::Identify { .. } if !self.touched => {
                 self.window.reset();
                 self.answers.forget_drain();
-                self.phase = Phase::Boot {
-                    speak_ms: now_ms + BOOT_QUIET_MS,
-                    latest_ms: now_ms + BOOT_MAX_MS,
-                };
+                self.phase =
+                    Phase::Boot { speak_ms: now_ms + BOOT_QUIET_MS, latest_ms: now_ms + BOOT_MAX_MS };
             }
             _ => {
                 let job_line = self.job_acked;

@@ -36,9 +36,7 @@ fn split_word(command: &[u8]) -> Option<(u8, u16)> {
     if !(1..=4).contains(&digits) {
         return None;
     }
-    let number = rest[..digits]
-        .iter()
-        .fold(0_u16, |n, b| n * 10 + u16::from(b - b'0'));
+    let number = rest[..digits].iter().fold(0_u16, |n, b| n * 10 + u16::from(b - b'0'));
     Some((letter.to_ascii_uppercase(), number))
 }
 

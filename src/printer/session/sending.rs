@@ -38,10 +38,7 @@ impl Session {
     pub(super) fn send_next(&mut self, force: bool, now_ms: u64) -> bool {
         if !matches!(
             self.phase,
-            Phase::Identify { .. }
-                | Phase::Job { .. }
-                | Phase::WindDown { .. }
-                | Phase::Safe { .. }
+            Phase::Identify { .. } | Phase::Job { .. } | Phase::WindDown { .. } | Phase::Safe { .. }
         ) {
             return false;
         }
@@ -88,9 +85,7 @@ impl Session {
         match closing {
             Closing::No => false,
             Closing::Drained => {
-                self.phase = Phase::Job {
-                    closing: Closing::Settling,
-                };
+                self.phase = Phase::Job { closing: Closing::Settling };
                 self.proof_tries = 0;
                 self.push_own(b"M400", Kind::Long)
             }
@@ -138,13 +133,7 @@ impl Session {
             Ok(command) => command,
             Err(_) if n > 1 => return self.renumber(now_ms),
             Err(too_long) => {
-                self.fail(
-                    Failure::LineTooLong {
-                        job_line,
-                        framed_len: too_long.framed_len,
-                    },
-                    now_ms,
-                );
+                self.fail(Failure::LineTooLong { job_line, framed_len: too_long.framed_len }, now_ms);
                 return false;
             }
         };
@@ -217,10 +206,7 @@ impl Session {
             self.answers.unproved();
             self.window.push(command, own(kind_of(command)));
         }
-        self.phase = Phase::Safe {
-            next: next + 1,
-            until_ms,
-        };
+        self.phase = Phase::Safe { next: next + 1, until_ms };
         true
     }
 

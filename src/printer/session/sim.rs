@@ -19,13 +19,8 @@ struct Habits {
     exec_ms: u64,
 }
 
-const MARLIN: Habits = Habits {
-    advanced_ok: false,
-    resend_ok: true,
-    m105_brings_temperatures: true,
-    rx_bytes: 128,
-    exec_ms: 1,
-};
+const MARLIN: Habits =
+    Habits { advanced_ok: false, resend_ok: true, m105_brings_temperatures: true, rx_bytes: 128, exec_ms: 1 };
 
 #[derive(Debug)]
 struct Firmware {
@@ -112,15 +107,11 @@ impl Firmware {
             return;
         };
         let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
-        let n: u32 = String::from_utf8_lossy(&rest[..digits])
-            .parse()
-            .unwrap_or(0);
+        let n: u32 = String::from_utf8_lossy(&rest[..digits]).parse().unwrap_or(0);
         let star = line.iter().rposition(|b| *b == b'*');
         let command = &rest[digits..star.map_or(rest.len(), |s| s - 1).max(digits)];
         let command = String::from_utf8_lossy(command).trim().to_owned();
-        let m110 = command
-            .strip_prefix("M110 N")
-            .and_then(|n| n.parse::<u32>().ok());
+        let m110 = command.strip_prefix("M110 N").and_then(|n| n.parse::<u32>().ok());
         if n != self.last + 1 && m110.is_none() {
             // A repeat of the last two lines is dropped without a word.
             if n == self.last || n + 1 == self.last {
@@ -132,11 +123,8 @@ impl Firmware {
             return self.refuse("No Checksum with line number");
         };
         let sum = line[..star].iter().fold(0_u8, |s, b| s ^ b);
-        let digits: String = line[star + 1..]
-            .iter()
-            .map(|b| char::from(*b))
-            .take_while(char::is_ascii_digit)
-            .collect();
+        let digits: String =
+            line[star + 1..].iter().map(|b| char::from(*b)).take_while(char::is_ascii_digit).collect();
         // Two lines that a lost line feed or an overflow has made one pass the
         // check of real firmware once in 256 times, whatever the sender does. Not
         // here: the subject is the sender.
@@ -160,13 +148,11 @@ impl Firmware {
     fn run(&mut self, n: Option<u32>, command: &str) {
         let known = n.is_some() || command.starts_with(['G', 'M']);
         if command == "M105" && self.habits.m105_brings_temperatures {
-            self.replies
-                .push("ok T:20.0 /0.0 B:20.0 /0.0 @:0 B@:0".into());
+            self.replies.push("ok T:20.0 /0.0 B:20.0 /0.0 @:0 B@:0".into());
             return;
         }
         if !known {
-            self.replies
-                .push(format!("echo:Unknown command: \"{command}\""));
+            self.replies.push(format!("echo:Unknown command: \"{command}\""));
         } else if n.is_some() {
             self.accepted.push(command.to_owned());
         }
@@ -190,11 +176,7 @@ struct Noise {
     lose_in: u64,
 }
 
-const QUIET: Noise = Noise {
-    damage_out: 0,
-    damage_in: 0,
-    lose_in: 0,
-};
+const QUIET: Noise = Noise { damage_out: 0, damage_in: 0, lose_in: 0 };
 
 /// A small generator, so that a run depends on its seed alone.
 struct Dice {
@@ -213,10 +195,8 @@ impl Dice {
     }
 
     fn roll(&mut self, below: u64) -> u64 {
-        self.state = self
-            .state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        self.state =
+            self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.state >> 33) % below
     }
 
@@ -305,10 +285,7 @@ fn print(trial: Trial) -> Run {
     let mut wire = Wire {
         session: Session::new(settings, 0),
         firmware: Firmware::new(trial.habits),
-        dice: Dice {
-            state: trial.seed,
-            hits: [0; 2],
-        },
+        dice: Dice { state: trial.seed, hits: [0; 2] },
         noise: trial.noise,
         now_ms: 0,
     };
@@ -376,25 +353,12 @@ fn first_of_job(run: &Run) -> Result<usize, String> {
 fn a_quiet_wire_needs_no_resend() {
     for habits in [
         MARLIN,
-        Habits {
-            advanced_ok: true,
-            ..MARLIN
-        },
-        Habits {
-            m105_brings_temperatures: false,
-            ..MARLIN
-        },
-        Habits {
-            exec_ms: 30,
-            ..MARLIN
-        },
+        Habits { advanced_ok: true, ..MARLIN },
+        Habits { m105_brings_temperatures: false, ..MARLIN },
+        Habits { exec_ms: 30, ..MARLIN },
     ] {
         for limit in [Limit::Bytes(120), Limit::Lines(1)] {
-            let run = print(Trial {
-                habits,
-                limit,
-                ..TRIAL
-            });
+            let run = print(Trial { habits, limit, ..TRIAL });
             assert_eq!(run.outcome, Some(Outcome::Finished));
             assert_eq!(first_of_job(&run), Ok(300));
             assert_eq!(run.overflow, 0, "{habits:?}");
@@ -406,35 +370,18 @@ fn a_quiet_wire_needs_no_resend() {
 
 #[test]
 fn a_lost_ok_costs_seconds_not_the_job() {
-    let noise = Noise {
-        lose_in: 20,
-        ..QUIET
-    };
+    let noise = Noise { lose_in: 20, ..QUIET };
     for m105_brings_temperatures in [true, false] {
-        let habits = Habits {
-            m105_brings_temperatures,
-            ..MARLIN
-        };
-        let run = print(Trial {
-            habits,
-            limit: Limit::Lines(1),
-            noise,
-            ..TRIAL
-        });
+        let habits = Habits { m105_brings_temperatures, ..MARLIN };
+        let run = print(Trial { habits, limit: Limit::Lines(1), noise, ..TRIAL });
         assert_eq!(run.outcome, Some(Outcome::Finished));
         assert_eq!(first_of_job(&run), Ok(300));
         assert!(run.took_ms > 3_000, "some ok was lost");
     }
 }
 
-const TRIAL: Trial = Trial {
-    habits: MARLIN,
-    limit: Limit::Bytes(120),
-    noise: QUIET,
-    seed: 7,
-    lines: 300,
-    cancel_at: None,
-};
+const TRIAL: Trial =
+    Trial { habits: MARLIN, limit: Limit::Bytes(120), noise: QUIET, seed: 7, lines: 300, cancel_at: None };
 
 /// Any firmware, any window, noise that retries can survive.
 fn trials() -> impl Strategy<Value = Trial> {
@@ -450,23 +397,9 @@ fn trials() -> impl Strategy<Value = Trial> {
         let (advanced_ok, resend_ok, exec_ms, rx_bytes) = habits;
         let (damage_out, damage_in, lose_in) = noise;
         Trial {
-            habits: Habits {
-                advanced_ok,
-                resend_ok,
-                exec_ms,
-                rx_bytes,
-                ..MARLIN
-            },
-            noise: Noise {
-                damage_out,
-                damage_in,
-                lose_in,
-            },
-            limit: if one_line {
-                Limit::Lines(1)
-            } else {
-                Limit::Bytes(120)
-            },
+            habits: Habits { advanced_ok, resend_ok, exec_ms, rx_bytes, ..MARLIN },
+            noise: Noise { damage_out, damage_in, lose_in },
+            limit: if one_line { Limit::Lines(1) } else { Limit::Bytes(120) },
             seed,
             ..TRIAL
         }

@@ -80,10 +80,8 @@ impl Player {
         }
         let out = String::from_utf8(self.session.output().to_vec()).unwrap();
         self.session.written(out.len());
-        self.sent
-            .extend(out.lines().filter(|l| !l.is_empty()).map(str::to_owned));
-        self.events
-            .extend(std::iter::from_fn(|| self.session.poll_event()));
+        self.sent.extend(out.lines().filter(|l| !l.is_empty()).map(str::to_owned));
+        self.events.extend(std::iter::from_fn(|| self.session.poll_event()));
     }
 
     fn pass(&mut self, ms: u64) {
@@ -93,10 +91,7 @@ impl Player {
             self.now_ms = at;
             self.session.on_tick(at);
             self.settle();
-            assert!(
-                self.session.deadline() != Some(at),
-                "the session spins at {at}"
-            );
+            assert!(self.session.deadline() != Some(at), "the session spins at {at}");
         }
         self.now_ms = until;
     }

@@ -259,8 +259,5 @@ fn a_job_that_cannot_be_read_on_ends_safely() {
 
 #[test]
 fn an_empty_job_finishes() {
-    check(
-        "",
-        "> N4 M400\n < ok\n > N5 M105\n < ok T:1 /0\n ! Ended(Finished)",
-    );
+    check("", "> N4 M400\n < ok\n > N5 M105\n < ok T:1 /0\n ! Ended(Finished)");
 }

@@ -5,10 +5,7 @@ use super::*;
 fn the_window_counts_bytes() {
     // `N4 G1 X1*44` and its line feed are 12 bytes: ten of 12 or 13 are beyond 120.
     let sent: String = (1..=9).map(|n| format!("> N{} G1 X{n}\n", n + 3)).collect();
-    check(
-        "job 20",
-        &format!("{sent} > nothing\n < ok\n > N13 G1 X10\n > nothing"),
-    );
+    check("job 20", &format!("{sent} > nothing\n < ok\n > N13 G1 X10\n > nothing"));
 }
 
 /// Wire fact 1: the `ok` of a resend comes before those of the queue, and what
@@ -85,10 +82,7 @@ fn an_error_alone_asks_for_lines() {
 /// Wire fact 2: after a lost `ok` the line is never sent again; a new line tells.
 #[test]
 fn a_lost_ok_is_found_by_a_probe() {
-    let one_line = Settings {
-        window: Limit::Lines(1),
-        ..settings()
-    };
+    let one_line = Settings { window: Limit::Lines(1), ..settings() };
     let play = |rest: &str| {
         check_with(one_line.clone(), &format!("job 2\n{CONNECT}\n{rest}"));
     };
@@ -185,10 +179,7 @@ fn numbers_and_temperatures_acknowledge_what_came_before() {
 /// Wire fact 6: what comes at boot; `start` shortens the wait.
 #[test]
 fn a_boot_is_waited_for() {
-    let slow = Settings {
-        boot_wait_ms: 2500,
-        ..settings()
-    };
+    let slow = Settings { boot_wait_ms: 2500, ..settings() };
     let transcript = "
         + 1000
         < start
@@ -205,14 +196,8 @@ fn a_boot_is_waited_for() {
 
 #[test]
 fn a_late_boot_starts_over() {
-    check_with(
-        settings(),
-        &format!("+ 250\n > M110\n < start\n > nothing\n {CONNECT} > N4 M400"),
-    );
-    check_with(
-        settings(),
-        &format!("+ 250\n > M110\n < ok\n > N1 M115\n < start\n {CONNECT} > N4 M400"),
-    );
+    check_with(settings(), &format!("+ 250\n > M110\n < start\n > nothing\n {CONNECT} > N4 M400"));
+    check_with(settings(), &format!("+ 250\n > M110\n < ok\n > N1 M115\n < start\n {CONNECT} > N4 M400"));
 }
 
 /// Wire fact 7: M999 asks for the next line; nothing is missing.
@@ -309,10 +294,7 @@ fn a_request_beyond_the_history_must_be_repeated_to_count() {
 #[test]
 fn a_printer_that_keeps_alive_and_falls_silent_has_less_time() {
     let job = "> N4 G28\n> N5 M400\n < busy: processing\n + 3000\n > N6 M105\n";
-    check(
-        "job G28",
-        &format!("{job} + 29999\n > nothing\n + 1\n > N7 M105"),
-    );
+    check("job G28", &format!("{job} + 29999\n > nothing\n + 1\n > N7 M105"));
 }
 
 #[test]
@@ -327,23 +309,15 @@ fn the_jobs_own_line_numbers_are_left_out() {
 fn long_messages_are_shortened_on_the_wire() {
     let text = "x".repeat(200);
     let cut = "x".repeat(88 - 5);
-    check(
-        &format!("job M117 {text}"),
-        &format!("> N4 M117 {cut}\n> N5 M400"),
-    );
+    check(&format!("job M117 {text}"), &format!("> N4 M117 {cut}\n> N5 M400"));
 }
 
 #[test]
 fn numbers_that_grew_too_long_begin_anew() {
     // A line of exactly 95 characters as N9, but a probe has taken that number.
     let long = format!("G1 X{}", "1".repeat(84));
-    let one_line = Settings {
-        window: Limit::Lines(1),
-        ..settings()
-    };
-    let run: String = (1..=5)
-        .map(|n| format!("> N{} G1 X{n}\n + 1\n < ok\n", n + 3))
-        .collect();
+    let one_line = Settings { window: Limit::Lines(1), ..settings() };
+    let run: String = (1..=5).map(|n| format!("> N{} G1 X{n}\n + 1\n < ok\n", n + 3)).collect();
     check_with(
         one_line,
         &format!(

@@ -4,10 +4,13 @@
 //! with arcs, inches, firmware retraction, host prompts and temperature
 //! reports built in; a few that only set something up are taken and do
 //! nothing; the rest is unknown.
-use super::firmware::{After, Firmware, HEAT_REPORT_NS, Heat, Wait};
-use super::heater::Heater;
-use super::report;
-use super::words::Command;
+use super::super::heater::Heater;
+use super::super::line::trim_start;
+use super::super::planner::Cornering;
+use super::super::report;
+use super::super::words::Command;
+use super::Firmware;
+use super::wait::{After, HEAT_REPORT_NS, Heat, Wait};
 
 /// Marlin's EXTRUDE_MINTEMP.
 const EXTRUDE_MIN_C: f64 = 170.0;
@@ -34,8 +37,8 @@ const TAKEN: &[(u8, &[u32])] = &[
     (
         b'M',
         &[
-            17, 18, 73, 75, 76, 77, 84, 92, 111, 117, 200, 206, 208, 209, 211, 300, 301, 304, 420,
-            486, 500, 501, 502, 504, 569, 572, 593, 851, 900, 906, 907,
+            17, 18, 73, 75, 76, 77, 84, 92, 111, 117, 200, 206, 208, 209, 211, 300, 301, 304, 420, 486, 500,
+            501, 502, 504, 569, 572, 593, 851, 900, 906, 907,
         ],
     ),
     (b'T', &[0]),
@@ -43,7 +46,7 @@ const TAKEN: &[(u8, &[u32])] = &[
 
 impl Firmware {
     /// Executes the command at the head of the queue, or begins to.
-    pub(crate) fn execute(&mut self) {
+    pub(super) fn execute(&mut self) {
         let Some(number) = self.queue.front().map(|head| head.number) else {
             return;
         };
@@ -98,11 +101,7 @@ impl Firmware {
             21 => self.motion.set_inches(false),
             28 => {
                 let named = [b'X', b'Y', b'Z'].map(|axis| command.has(axis));
-                let axes = if named.contains(&true) {
-                    named
-                } else {
-                    [true; 3]
-                };
+                let axes = if named.contains(&true) { named } else { [true; 3] };
                 return Next::Wait(Wait::Drain(After::Home(axes)));
             }
             29 => {
@@ -169,8 +168,7 @@ impl Firmware {
             },
             114 => self.say(report::position(self.motion.at_mm).as_bytes()),
             115 => {
-                let text =
-                    report::identity(&self.config.machine.name, self.config.emergency_parser);
+                let text = report::identity(&self.config.machine.name, self.config.emergency_parser);
                 self.say(text.as_bytes());
             }
             118 => self.echo(command),
@@ -256,11 +254,11 @@ impl Firmware {
             match text {
                 [b'A', b'1', rest @ ..] => {
                     out.extend(b"//");
-                    text = super::line::trim_start(rest);
+                    text = trim_start(rest);
                 }
                 [b'E', b'1', rest @ ..] => {
                     out.extend(b"echo:");
-                    text = super::line::trim_start(rest);
+                    text = trim_start(rest);
                 }
                 _ => break,
             }
@@ -271,7 +269,6 @@ impl Firmware {
     }
 
     fn set_dynamics(&mut self, command: &Command<'_>) {
-        use super::planner::Cornering;
         let dynamics = &mut self.planner.dynamics;
         let positive = |letter| command.value(letter).filter(|v| *v > 0.0);
         match command.code {
@@ -307,7 +304,7 @@ impl Firmware {
     }
 
     /// How long homing these axes takes, s of the machine's time.
-    pub(crate) fn homing_s(&self, axes: [bool; 3]) -> f64 {
+    pub(super) fn homing_s(&self, axes: [bool; 3]) -> f64 {
         let speeds = [HOME_XY_MM_S, HOME_XY_MM_S, HOME_Z_MM_S];
         (0..3)
             .filter(|&axis| axes[axis])
@@ -327,17 +324,14 @@ enum Next {
 }
 
 fn taken(command: &Command<'_>) -> Next {
-    let known = TAKEN
-        .iter()
-        .any(|(letter, codes)| *letter == command.letter && codes.contains(&command.code));
+    let known =
+        TAKEN.iter().any(|(letter, codes)| *letter == command.letter && codes.contains(&command.code));
     if known { Next::Ok } else { Next::Unknown }
 }
 
 /// S seconds or P milliseconds; S wins, as in Marlin.
 fn seconds_of(command: &Command<'_>) -> Option<f64> {
-    let seconds = command
-        .value(b'S')
-        .or(command.value(b'P').map(|ms| ms / 1000.0))?;
+    let seconds = command.value(b'S').or(command.value(b'P').map(|ms| ms / 1000.0))?;
     Some(seconds.clamp(0.0, PAUSE_S_MAX))
 }
 

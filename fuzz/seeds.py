@@ -1,0 +1,56 @@
+#!/usr/bin/env python3
+"""Writes the fuzzer's first inputs below target/seeds.
+
+    python3 seeds.py
+
+gcode_line: from each file of gcode/corpus, one line of every shape (a shape is
+the line with its digits taken out), five lines a seed, and the cases below,
+which no slicer of the corpus writes. reply: replies.txt, a reply a seed, and
+all of it at once. Standard library only.
+"""
+import re
+import shutil
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+LINES_A_SEED = 5  # short inputs are mutated best
+SHAPES_A_FILE = 200  # Cura's and PrusaSlicer's headers would fill the folder otherwise
+
+ODD = [
+    b'N12 G1 X10.5 Y-3*47\n', b'N-1 M110 N-1*125\n', b'n3 g1 x1e5\n', b'  G1 X1\t Y2 \r\n', b'G1X10Y10E5\n',
+    b'M117 N5 hello ; there *3\n', b'M118 E1 "a;b"\n', b"EXCLUDE_OBJECT_START NAME='a b'\n", b'G1 (a comment) X1 (another\n',
+    b'M862.3 P "MK3S" ; printer\n', b'Tx\n', b'T?\n', b'T0\n', b'G28 X Y\n', b'G1 X+.5 Y-.5 Z5. E--1\n', b';\xff\xfe\x00\n',
+    b'G1 X1 Y2 Z3 A4 B5 C6 U7 V8 W9 E10 F11 S12 I13 J14 K15\n', b'G99999999999 X1\n', b'G1 X' + b'9' * 400 + b'\n', b'*\n', b'N1*1*1\n',
+    b'\r\r\n', b'%\n', b'G2 X1 Y1 I.5 J-.5 R2\n', b'M486 Apart one*12\n', b'G1 X1/G1 X2\n', b'\n',
+]
+
+
+def write(folder, seeds):
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for i, seed in enumerate(seeds):
+        (folder / f'{i:04}').write_bytes(seed)
+    print(f'{folder}: {len(seeds)} seeds')
+
+
+def gcode_line():
+    seeds, seen = list(ODD), set()
+    for path in sorted((HERE / '../gcode/corpus').glob('*.gcode')):
+        chosen = []
+        for line in path.read_bytes().splitlines(keepends=True):
+            shape = re.sub(rb'[0-9.]+', b'0', line)
+            if shape not in seen and len(chosen) < SHAPES_A_FILE and len(line) < 300:
+                seen.add(shape)
+                chosen.append(line)
+        seeds += [b''.join(chosen[i:i + LINES_A_SEED]) for i in range(0, len(chosen), LINES_A_SEED)]
+    return seeds
+
+
+def reply():
+    whole = (HERE / 'replies.txt').read_bytes()
+    return whole.splitlines(keepends=True) + [whole, whole.replace(b'\n', b'\r\n')]
+
+
+if __name__ == '__main__':
+    write(HERE / 'target/seeds/gcode_line', gcode_line())
+    write(HERE / 'target/seeds/reply', reply())

@@ -1,0 +1,153 @@
+//! `outrigger post`: the slicer's hook.
+//!
+//! In place the contract of the slicers holds: whatever is in doubt, the file
+//! stays as it was and the exit status is 0, with the reason on stderr; a
+//! non-zero status would fail the slicer's whole export.
+use super::files::{self, Replacement};
+use super::interrupt::clean_up_on_signal;
+use super::progress;
+use crate::post::passes::Wishes;
+use crate::post::report::Report;
+use crate::post::time::Accelerations;
+use crate::post::{Failure, Options, post};
+use anyhow::Context;
+use clap::Args as ClapArgs;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Reorder the infill of a sliced job so that the head lifts least
+///
+/// Edits FILE in place, as a slicer's post-processing script, or writes to OUT.
+/// The result is read again and must print the same; otherwise, and whenever
+/// anything else is in doubt, FILE stays byte for byte as it was.
+///
+/// In PrusaSlicer, OrcaSlicer and SuperSlicer: Print settings, Output options,
+/// Post-processing scripts: /path/to/outrigger post
+#[derive(ClapArgs, Debug)]
+pub(super) struct Args {
+    /// The job: G-code of PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura or Slic3r
+    file: PathBuf,
+    /// Write the result here and leave FILE alone
+    #[arg(short, long, value_name = "OUT")]
+    output: Option<PathBuf>,
+    /// Write what was done as JSON; "-" is standard output
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
+    /// Reorder the first layer too
+    #[arg(long)]
+    first_layer: bool,
+    /// Acceleration for the time estimate until the job sets one, mm/s²
+    #[arg(long, value_name = "MM_S2", default_value_t = 1000.0)]
+    acceleration: f64,
+    /// Say nothing unless something is wrong
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// FILE cannot be read at all, or with `--output` OUT cannot be written.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    clean_up_on_signal();
+    let path = files::resolve(&args.file)?;
+    let started = Instant::now();
+    let mut input = files::open_regular(&path)?;
+    let target = args.output.as_deref().unwrap_or(&path);
+    let mut report = match process(args, &mut input, &path, target) {
+        Ok(report) => report,
+        Err(error) if args.output.is_none() => {
+            // In place: the export must not fail for our sake.
+            let mut report = Report::default();
+            report.unchanged(format!("{error:#}"));
+            report
+        }
+        Err(error) => return Err(error),
+    };
+    report.seconds = started.elapsed().as_secs_f64();
+    if let Some(reason) = &report.unchanged_reason {
+        eprintln!("outrigger: {}: left as it was: {reason}", files::display_name(&args.file));
+    } else if !args.quiet {
+        super::say(&summary(&report));
+    }
+    if let Some(to) = &args.report
+        && let Err(error) = write_report(&report, to)
+    {
+        if args.output.is_some() {
+            return Err(error);
+        }
+        // The job is whole; the export must not fail for want of a report.
+        eprintln!("outrigger: {error:#}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn process(args: &Args, input: &mut File, path: &Path, target: &Path) -> anyhow::Result<Report> {
+    let seen = files::Seen::of(input)?;
+    let mut replacement = Replacement::beside(target)?;
+    let accelerations =
+        Accelerations { print_mm_s2: args.acceleration.max(1.0), travel_mm_s2: args.acceleration.max(1.0) };
+    let options = Options { wishes: Wishes { first_layer: args.first_layer }, accelerations };
+    let bar = progress::bytes(seen.length, args.quiet);
+    let mut report =
+        post(input, replacement.file(), options, &|bytes| bar.set_position(bytes)).map_err(|failure| {
+            match failure {
+                Failure::Read(e) => anyhow::Error::new(e).context(format!("cannot read {}", path.display())),
+                Failure::Write(e) => {
+                    anyhow::Error::new(e).context(format!("cannot write beside {}", target.display()))
+                }
+            }
+        })?;
+    bar.finish_and_clear();
+    if !seen.still_holds(input, path) {
+        anyhow::ensure!(
+            args.output.is_none(),
+            "{} was replaced or changed while it was read",
+            path.display()
+        );
+        report.unchanged("it was replaced or changed while it was read");
+        return Ok(report);
+    }
+    if report.unchanged_reason.is_none() {
+        replacement.put(input)?;
+    } else if args.output.is_some() {
+        replacement.copy_of(input)?.put(input)?;
+    }
+    Ok(report)
+}
+
+fn write_report(report: &Report, to: &Path) -> anyhow::Result<()> {
+    let json = serde_json::to_string_pretty(report)?;
+    if to == Path::new("-") {
+        super::say(&json);
+        return Ok(());
+    }
+    let mut file = File::create(to).with_context(|| format!("cannot write the report {}", to.display()))?;
+    file.write_all(json.as_bytes())
+        .and_then(|()| file.write_all(b"\n"))
+        .with_context(|| format!("cannot write the report {}", to.display()))
+}
+
+/// One line for people.
+fn summary(r: &Report) -> String {
+    let change = |before: f64, after: f64| {
+        if before > 0.0 { format!("{:+.1} %", (after / before - 1.0) * 100.0) } else { "0 %".to_owned() }
+    };
+    format!(
+        "{} of {} infill sections reordered and verified: travel {:.2} m → {:.2} m ({}), retractions {} → {}, lifts {} → {}, time {:.0} s → {:.0} s",
+        r.sections_changed,
+        r.sections,
+        r.travel_mm_before / 1e3,
+        r.travel_mm_after / 1e3,
+        change(r.travel_mm_before, r.travel_mm_after),
+        r.retractions_before,
+        r.retractions_after,
+        r.lifts_before,
+        r.lifts_after,
+        r.time_s_before,
+        r.time_s_after,
+    )
+}

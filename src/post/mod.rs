@@ -1,0 +1,312 @@
+//! Post-processing: a sliced job in, the same job with its infill reordered out, and a proof that it is the same.
+//!
+//! Takes a job that can be read twice and a writer; gives a [`Report`]. Knows no
+//! file system and no clock: replacing the file, and `seconds`, are the caller's.
+//!
+//! # Layout
+//! ```text
+//! annotate (lines → layers) → passes (rows → rows) → write
+//!                                            └─ verify, always last, from the text again
+//! ```
+//! Three threads, a layer or two between each: memory is bounded by the largest layers.
+pub mod annotate;
+mod emit;
+pub mod habits;
+pub mod layer;
+mod link;
+pub mod measure;
+pub mod pass;
+pub mod passes;
+pub mod report;
+mod rewrite;
+pub mod section;
+mod settings;
+pub mod time;
+pub mod verify;
+
+use annotate::{Layers, Unfit};
+use habits::FileHabits;
+use layer::Layer;
+use outrigger_gcode::dialect::{Detection, Dialect, detect};
+use passes::Wishes;
+use report::Report;
+use section::Neighbours;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use time::Accelerations;
+use verify::{Difference, Figures, Verifier};
+
+/// Read from the beginning to tell the dialect, bytes: thumbnails come first and take some 100 kB.
+const BEGINNING_BYTES: u64 = 1 << 20;
+
+/// Read from the end for the slicer's settings, bytes: OrcaSlicer's take some 40 kB.
+const END_BYTES: u64 = 256 << 10;
+
+/// Layers that wait between two threads. One keeps both at work; more costs memory.
+const WAITING_LAYERS: usize = 1;
+
+/// Read and write buffers, bytes.
+const BUFFER_BYTES: usize = 256 << 10;
+
+/// A file that stays as it is is measured in pieces of this size, bytes.
+const MEASURED_BYTES: u64 = 1 << 20;
+
+/// The first bytes of binary G-code.
+pub const BINARY_MAGIC: &[u8] = b"GCDE";
+
+/// What to do, beside what the file says.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// For the passes.
+    pub wishes: Wishes,
+    /// Before the file sets any.
+    pub accelerations: Accelerations,
+}
+
+/// Why there is no output.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// The input cannot be read.
+    #[error("cannot read: {0}")]
+    Read(#[source] std::io::Error),
+    /// The output cannot be written.
+    #[error("cannot write: {0}")]
+    Write(#[source] std::io::Error),
+}
+
+/// Why a job stays as it is.
+#[derive(Debug, thiserror::Error)]
+enum Unchanged {
+    #[error(transparent)]
+    Unfit(#[from] Unfit),
+    #[error("the result would not print the same: {0}")]
+    Different(#[from] Difference),
+    #[error("{0}")]
+    Write(#[source] std::io::Error),
+}
+
+/// Post-processes a job. `progress` is told how many bytes have been read.
+///
+/// When the report has an `unchanged_reason`, what was written must not be used:
+/// the input stands.
+///
+/// # Errors
+/// The input cannot be read, or the output not written.
+pub fn post(
+    input: &mut (impl Read + Seek + Send),
+    output: &mut (impl Write + Send),
+    options: Options,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<Report, Failure> {
+    let mut report = Report::default();
+    let beginning = read_at(input, 0, BEGINNING_BYTES).map_err(Failure::Read)?;
+    if let Some(reason) = not_for_us(&beginning) {
+        report.unchanged(reason);
+        return Ok(report);
+    }
+    let dialect = match detect(&beginning) {
+        Detection::One(dialect) => dialect,
+        Detection::Mixed(a, b) => {
+            let reason = format!("layers are marked as {} and as {} do: mixed dialects", a.name(), b.name());
+            return measured_only(input, options, reason);
+        }
+        Detection::Unknown => {
+            return measured_only(input, options, "no slicer's layer comments that are known".to_owned());
+        }
+    };
+    let habits = file_habits(input, &beginning, dialect).map_err(Failure::Read)?;
+    input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
+    match run(input, output, dialect, &habits, options, progress) {
+        Ok((figures, tally)) => {
+            report.put(&figures);
+            report.sections = tally.sections;
+            report.sections_changed = tally.changed;
+            if tally.changed == 0 {
+                report.unchanged("no order is better than the slicer's own");
+            }
+            Ok(report)
+        }
+        Err(Unchanged::Unfit(Unfit::Read { source, .. })) => Err(Failure::Read(source)),
+        Err(Unchanged::Write(source)) => Err(Failure::Write(source)),
+        Err(reason) => measured_only(input, options, reason.to_string()),
+    }
+}
+
+fn not_for_us(beginning: &[u8]) -> Option<String> {
+    if beginning.starts_with(BINARY_MAGIC) {
+        return Some("binary G-code is passed through for now".to_owned());
+    }
+    if beginning.is_empty() {
+        return Some("the file is empty".to_owned());
+    }
+    let text = &beginning[..beginning.len().min(4096)];
+    memchr::memchr(0, text).map(|at| format!("byte {at} is zero: not G-code text"))
+}
+
+fn read_at(input: &mut (impl Read + Seek), at: u64, count: u64) -> std::io::Result<Vec<u8>> {
+    input.seek(SeekFrom::Start(at))?;
+    let mut bytes = Vec::new();
+    input.take(count).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn file_habits(
+    input: &mut (impl Read + Seek),
+    beginning: &[u8],
+    dialect: Dialect,
+) -> std::io::Result<FileHabits> {
+    let mut habits = FileHabits::default();
+    habits.read_settings(beginning);
+    let length = input.seek(SeekFrom::End(0))?;
+    let end = read_at(input, length.saturating_sub(END_BYTES), END_BYTES)?;
+    // The first piece may be half a line.
+    let whole = memchr::memchr(b'\n', &end).map_or(end.len(), |at| at + 1);
+    habits.read_settings(&end[whole.min(end.len())..]);
+    if !habits.is_known() {
+        input.seek(SeekFrom::Start(0))?;
+        habits.learn(BufReader::with_capacity(BUFFER_BYTES, input), dialect)?;
+    }
+    Ok(habits)
+}
+
+/// Figures of a file that stays as it is.
+fn measured_only(
+    input: &mut (impl Read + Seek),
+    options: Options,
+    reason: String,
+) -> Result<Report, Failure> {
+    let mut report = Report::default();
+    input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
+    let mut reader = BufReader::with_capacity(BUFFER_BYTES, input);
+    let mut verifier = Verifier::new(None, options.accelerations);
+    let mut bytes = Vec::new();
+    loop {
+        bytes.clear();
+        (&mut reader).take(MEASURED_BYTES).read_to_end(&mut bytes).map_err(Failure::Read)?;
+        let full = bytes.len() as u64 == MEASURED_BYTES;
+        if full {
+            // On to the end of the line, if it is one.
+            let limit = annotate::MAX_LINE_BYTES as u64;
+            (&mut reader).take(limit).read_until(b'\n', &mut bytes).map_err(Failure::Read)?;
+        }
+        // The same bytes on both sides cannot differ.
+        let _ = verifier.layer(0, &bytes, None);
+        if !full {
+            break;
+        }
+    }
+    if let Ok(figures) = verifier.finish(0) {
+        report.put(&figures);
+    }
+    report.unchanged(reason);
+    Ok(report)
+}
+
+/// A layer's bytes for the verifier; the output's where they differ.
+struct Pair {
+    number: u32,
+    input: Vec<u8>,
+    output: Option<Vec<u8>>,
+}
+
+fn run(
+    input: &mut (impl Read + Send),
+    output: &mut (impl Write + Send),
+    dialect: Dialect,
+    habits: &FileHabits,
+    options: Options,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<(Figures, pass::Tally), Unchanged> {
+    let mut passes = passes::all(options.wishes, habits);
+    let (layers_in, layers) = sync_channel::<Layer>(WAITING_LAYERS);
+    let (pairs_in, pairs) = sync_channel::<Pair>(WAITING_LAYERS);
+    std::thread::scope(|scope| {
+        let reading = scope.spawn(move || read(input, dialect, &layers_in, progress));
+        let verifying = scope.spawn(move || verify(&pairs, dialect, options.accelerations));
+        let written = rewrite_all(&layers, &mut passes, output, &pairs_in);
+        drop(layers);
+        drop(pairs_in);
+        let read = reading.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        let verified = verifying.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        read?;
+        let figures = verified?;
+        written.map_err(Unchanged::Write)?;
+        let tally = passes.iter().fold(pass::Tally::default(), |sum, pass| {
+            let own = pass.tally();
+            pass::Tally { sections: sum.sections + own.sections, changed: sum.changed + own.changed }
+        });
+        Ok((figures, tally))
+    })
+}
+
+fn read(
+    input: impl Read,
+    dialect: Dialect,
+    layers: &SyncSender<Layer>,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<(), Unfit> {
+    let mut reader = Layers::new(BufReader::with_capacity(BUFFER_BYTES, input), dialect);
+    let mut bytes = 0;
+    while let Some(layer) = reader.next_layer()? {
+        bytes += layer.input().len() as u64;
+        progress(bytes);
+        if layers.send(layer).is_err() {
+            // The rewriting stopped; it tells why.
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Runs the passes over each layer, with its neighbours in sight, and writes it.
+fn rewrite_all(
+    layers: &Receiver<Layer>,
+    passes: &mut [Box<dyn pass::Pass>],
+    output: &mut impl Write,
+    pairs: &SyncSender<Pair>,
+) -> std::io::Result<()> {
+    let mut output = std::io::BufWriter::with_capacity(BUFFER_BYTES, output);
+    let mut below = None;
+    let mut next = layers.recv().ok();
+    while let Some(mut layer) = next {
+        next = layers.recv().ok();
+        let neighbours =
+            Neighbours { below: below.as_ref(), above: next.as_ref().and_then(|l| l.cover.as_ref()) };
+        let rows = layer.rows.len();
+        let text = layer.text.len();
+        for pass in passes.iter_mut() {
+            pass.layer(&mut layer, neighbours);
+        }
+        let changed = layer.rows.len() != rows || layer.text.len() != text;
+        let written = changed.then(|| {
+            let mut bytes = Vec::with_capacity(layer.input().len());
+            layer.write(&mut bytes);
+            bytes
+        });
+        output.write_all(written.as_deref().unwrap_or(layer.input()))?;
+        let number = layer.number;
+        below = layer.cover.take();
+        let mut input = layer.text;
+        input.truncate(layer.input.end as usize);
+        input.drain(..layer.input.start as usize);
+        if pairs.send(Pair { number, input, output: written }).is_err() {
+            // The verifier found a difference; it tells which.
+            return Ok(());
+        }
+    }
+    output.flush()
+}
+
+fn verify(
+    pairs: &Receiver<Pair>,
+    dialect: Dialect,
+    accelerations: Accelerations,
+) -> Result<Figures, Difference> {
+    let mut verifier = Verifier::new(Some(dialect), accelerations);
+    let mut last = 0;
+    for pair in pairs {
+        last = pair.number;
+        verifier.layer(pair.number, &pair.input, pair.output.as_deref())?;
+    }
+    verifier.finish(last)
+}
