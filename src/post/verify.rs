@@ -294,12 +294,15 @@ impl Side {
         if kind == Kind::Still || kind == Kind::Filament {
             return;
         }
-        for p in [m.from, m.to] {
-            for k in 0..2 {
-                self.low[k] = self.low[k].min(p[k]);
-                self.high[k] = self.high[k].max(p[k]);
+        // An arc bulges beyond its ends, and a wipe back over it goes there too.
+        m.chords(|a, b| {
+            for p in [a, b] {
+                for k in 0..2 {
+                    self.low[k] = self.low[k].min(p[k]);
+                    self.high[k] = self.high[k].max(p[k]);
+                }
             }
-        }
+        });
         if kind == Kind::Deposit {
             if reading.contexts.last() != Some(&self.context) {
                 reading.contexts.push(self.context);
@@ -716,6 +719,21 @@ mod tests {
             assert!(input.contains(old), "{old}");
             check(&input, &input.replacen(old, new, 1), Some(expect));
         }
+    }
+
+    #[test]
+    fn a_wipe_over_an_arc_goes_where_the_arc_went() {
+        let arc = "M83\n;TYPE:Internal infill\nG1 X0 Y0 F600\nG3 X10 Y0 I5 J0 E1\n";
+        check(
+            &[arc, "G1 E-1\nG1 E1\nG1 X0 Y0\n"].concat(),
+            &[arc, "G1 X5 Y-5 E-1\nG1 E1\nG1 X0 Y0\n"].concat(),
+            None,
+        );
+        check(
+            &[arc, "G1 E-1\nG1 E1\nG1 X0 Y0\n"].concat(),
+            &[arc, "G1 X5 Y-5.1 E-1\nG1 E1\nG1 X0 Y0\n"].concat(),
+            Some("leave the bounds"),
+        );
     }
 
     #[test]
