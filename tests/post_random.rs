@@ -161,7 +161,13 @@ impl Slicer {
                 let e = self.e_word(-pulled);
                 left -= pulled;
                 let xy = self.xy(to);
-                self.line(&format!("G1{xy}{e}"));
+                if self.manner.arcs && self.dice.one_in(3) {
+                    let half = |k: usize| (to[k] - self.at[k]) / 2.0;
+                    let (i, j) = (self.number(half(0), 4), self.number(half(1), 4));
+                    self.line(&format!("G2{xy} I{i} J{j}{e}"));
+                } else {
+                    self.line(&format!("G1{xy}{e}"));
+                }
                 self.at = to;
                 if way < 0.01 {
                     break;
@@ -409,7 +415,8 @@ proptest! {
         prop_assert!(report.lifts_after <= report.lifts_before);
         prop_assert!(report.jumps_after <= report.jumps_before);
         prop_assert!(report.travel_mm_after <= report.travel_mm_before);
-        prop_assert!(report.time_s_after <= report.time_s_before + 0.01);
+        // The estimate looks ahead across a section's ends, the choice does not.
+        prop_assert!(report.time_s_after <= report.time_s_before * 1.0005 + 0.05);
     }
 }
 

@@ -119,6 +119,8 @@ pub struct Layers<R> {
     deposits: u64,
     falls: u64,
     fell: bool,
+    /// Room for the next layer: bytes and rows.
+    usual: (usize, usize),
     /// The first deposit of the next layer, read already.
     held: Vec<u8>,
     done: bool,
@@ -141,6 +143,7 @@ impl<R: BufRead> Layers<R> {
             deposits: 0,
             falls: 0,
             fell: false,
+            usual: (0, 0),
             held: Vec::new(),
             done: false,
         }
@@ -184,14 +187,15 @@ impl<R: BufRead> Layers<R> {
     }
 
     fn begin(&self) -> Layer {
-        let mut text = Vec::new();
+        let (usual_text, usual_rows) = self.usual;
+        let mut text = Vec::with_capacity(usual_text);
         let state = self.settings.state(&mut text, self.machine.tool);
         let start = text.len() as u32;
         Layer {
             number: self.number,
             text,
             input: Span { start, end: start },
-            rows: Vec::new(),
+            rows: Vec::with_capacity(usual_rows),
             states: vec![state],
             start: self.machine.clone(),
             end: self.machine.clone(),
@@ -202,6 +206,8 @@ impl<R: BufRead> Layers<R> {
     }
 
     fn finish(&mut self, layer: &mut Layer) {
+        // Layers are much alike: the next one needs about as much room.
+        self.usual = (layer.text.len() * 9 / 8, layer.rows.len() * 9 / 8);
         layer.input.end = layer.text.len() as u32;
         layer.end = self.machine.clone();
         layer.style = self.style;

@@ -9,7 +9,7 @@ use super::link::{Habits, Retraction, Sample, Travel, Wipe, is_regular};
 use super::rewrite::{Change, rewrite};
 use super::section::{BeadRows, is_link};
 use crate::toolpath::bead::{LiftRule, Point, distance_mm};
-use outrigger_gcode::line::{Line, parse};
+use outrigger_gcode::line::{Command, Line, parse};
 use outrigger_gcode::number::{Format, write_decimal};
 use outrigger_gcode::state::{Kind, Move};
 use std::ops::Range;
@@ -396,6 +396,8 @@ impl<'a> Emitter<'a> {
         habits: &Habits,
     ) -> Result<(), Refusal> {
         let same = distance_mm(self.at(), old[0]) < SAME_MM && distance_mm(to, old[1]) < SAME_MM;
+        // Another bead may have been printed last than in the file.
+        self.cursor.e_in_step = false;
         let layer = self.layer;
         if same {
             self.copy_all(rows);
@@ -497,8 +499,14 @@ impl<'a> Emitter<'a> {
         if line.words.has(b'F') || self.cursor.feed != sample.feed {
             changes.push((b'F', Change::Set(sample.feed, FEED)));
         }
+        // A wipe may have gone along an arc; what is made like it is straight.
+        let is_arc = matches!(line.command, Command::Classic { letter: b'G', number: 2 | 3, .. });
+        let head: &[u8] = if is_arc { b"G1" } else { line.head };
+        if is_arc {
+            changes.extend(b"IJRP".map(|letter| (letter, Change::Drop)));
+        }
         let m = Move { from: self.cursor.position, to, e, feed: sample.feed, arc: None };
-        self.add(What::Move(m, m.kind()), state, |out| rewrite(&line, line.head, &changes, out));
+        self.add(What::Move(m, m.kind()), state, |out| rewrite(&line, head, &changes, out));
     }
 
     /// Pulls the filament back as the file does, wiping over the bead printed last.

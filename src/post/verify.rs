@@ -33,6 +33,10 @@ const E_SUM_MM: f64 = 1e-3;
 /// Filament moved between the deposits of one layer may differ by this, mm.
 const PRIMED_MM: f64 = 1e-3;
 
+/// Travels may leave the file's bounds by this, mm: an arc walked from its other
+/// end has its centre rounded another way, and its bulge with it.
+const BOUNDS_MM: f64 = 0.01;
+
 /// Marlin takes 95 bytes of a framed line; `N12345678 ` and `*255` are 14 of them.
 const MAX_CODE_BYTES: usize = 81;
 
@@ -625,7 +629,7 @@ impl Verifier {
     pub fn finish(mut self, last_layer: u32) -> Result<Figures, Difference> {
         let (before, after) = (&self.before, &self.after);
         let outside = (0..2)
-            .any(|k| after.low[k] < before.low[k] - UNIT_MM || after.high[k] > before.high[k] + UNIT_MM);
+            .any(|k| after.low[k] < before.low[k] - BOUNDS_MM || after.high[k] > before.high[k] + BOUNDS_MM);
         if outside {
             return Err(Difference { layer: last_layer, what: What::Outside });
         }

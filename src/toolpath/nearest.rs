@@ -46,7 +46,7 @@ impl Limit {
 
 /// Neighbours kept of each bead end. A step of a tour mostly finds one of them
 /// unprinted; else all the beads are searched.
-const NEIGHBOURS: usize = 10;
+const NEIGHBOURS: usize = 8;
 
 /// For each bead end the nearest ends of other beads, found once for all the tours of a section.
 pub struct Near {
@@ -65,30 +65,43 @@ fn point_of(end: u32, beads: &[Bead]) -> Point {
 }
 
 impl Near {
-    /// Looks at every pair of ends.
+    /// Looks from each end to both sides along X, until that alone is too far.
     #[must_use]
     pub fn new(beads: &[Bead]) -> Near {
         let ends = 2 * beads.len() as u32;
-        let mut near = Near { lists: Vec::with_capacity(ends as usize), least_mm: Vec::new() };
-        for end in 0..ends {
-            let at = point_of(end, beads);
+        let mut by_x: Vec<(Point, u32)> = (0..ends).map(|end| (point_of(end, beads), end)).collect();
+        by_x.sort_unstable_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+        let mut near = Near {
+            lists: vec![[NO_END; NEIGHBOURS]; ends as usize],
+            least_mm: vec![f64::INFINITY; beads.len()],
+        };
+        for (place, &(at, end)) in by_x.iter().enumerate() {
             let mut list = [(f64::INFINITY, NO_END); NEIGHBOURS];
-            for other in (0..ends).filter(|o| o / 2 != end / 2) {
-                let p = point_of(other, beads);
-                let squared = (p[0] - at[0]) * (p[0] - at[0]) + (p[1] - at[1]) * (p[1] - at[1]);
-                // Ends come in order, so a tie stays behind the lower end.
-                if squared < list[NEIGHBOURS - 1].0 {
-                    let place = list.partition_point(|n| n.0 <= squared);
-                    list.copy_within(place..NEIGHBOURS - 1, place + 1);
-                    list[place] = (squared, other);
+            let (mut left, mut right) = (place, place + 1);
+            loop {
+                let gap = |k: Option<&(Point, u32)>| k.map_or(f64::INFINITY, |o| (o.0[0] - at[0]).abs());
+                let before = left.checked_sub(1).map(|k| &by_x[k]);
+                let (to_left, to_right) = (gap(before), gap(by_x.get(right)));
+                let (p, other) = if to_left < to_right {
+                    left -= 1;
+                    by_x[left]
+                } else if let Some(&next) = by_x.get(right) {
+                    right += 1;
+                    next
+                } else {
+                    break;
+                };
+                let dx = p[0] - at[0];
+                if dx * dx > list[NEIGHBOURS - 1].0 {
+                    break;
+                }
+                if other / 2 != end / 2 {
+                    put(&mut list, (dx * dx + (p[1] - at[1]) * (p[1] - at[1]), other));
                 }
             }
-            near.lists.push(list.map(|n| n.1));
-            let least = if list[0].1 == NO_END { 0.0 } else { list[0].0.sqrt() };
-            match end % 2 {
-                0 => near.least_mm.push(least),
-                _ => near.least_mm[(end / 2) as usize] = near.least_mm[(end / 2) as usize].min(least),
-            }
+            near.lists[end as usize] = list.map(|n| n.1);
+            let least = &mut near.least_mm[(end / 2) as usize];
+            *least = least.min(if list[0].1 == NO_END { 0.0 } else { list[0].0.sqrt() });
         }
         near
     }
@@ -109,6 +122,20 @@ impl Near {
             }
             best.1
         })
+    }
+}
+
+/// Puts a neighbour where it belongs: by distance, then by end; the last falls out.
+fn put(list: &mut [(f64, u32); NEIGHBOURS], new: (f64, u32)) {
+    let mut place = NEIGHBOURS;
+    while place > 0 && new < list[place - 1] {
+        if place < NEIGHBOURS {
+            list[place] = list[place - 1];
+        }
+        place -= 1;
+    }
+    if place < NEIGHBOURS {
+        list[place] = new;
     }
 }
 
