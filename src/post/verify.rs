@@ -301,10 +301,8 @@ impl Side {
         // An arc bulges beyond its ends, and a wipe back over it goes there too.
         m.chords(|a, b| {
             for p in [a, b] {
-                for k in 0..2 {
-                    self.low[k] = self.low[k].min(p[k]);
-                    self.high[k] = self.high[k].max(p[k]);
-                }
+                self.low = [self.low[0].min(p[0]), self.low[1].min(p[1])];
+                self.high = [self.high[0].max(p[0]), self.high[1].max(p[1])];
             }
         });
         if kind == Kind::Deposit {
