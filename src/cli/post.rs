@@ -10,6 +10,7 @@ use crate::post::passes::Wishes;
 use crate::post::report::Report;
 use crate::post::time::Accelerations;
 use crate::post::{Failure, Options, post};
+use crate::profile::load_printer;
 use anyhow::Context;
 use clap::Args as ClapArgs;
 use std::fs::File;
@@ -39,9 +40,10 @@ pub(super) struct Args {
     /// Reorder the first layer too
     #[arg(long)]
     first_layer: bool,
-    /// Acceleration for the time estimate until the job sets one, mm/s²
-    #[arg(long, value_name = "MM_S2", default_value_t = 1000.0)]
-    acceleration: f64,
+    /// The printer's profile, whose accelerations the time estimate takes until the
+    /// job sets its own: a name from `outrigger profile list`, or a file
+    #[arg(long, value_name = "NAME")]
+    profile: Option<String>,
     /// Say nothing unless something is wrong
     #[arg(short, long)]
     quiet: bool,
@@ -88,9 +90,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 fn process(args: &Args, input: &mut File, path: &Path, target: &Path) -> anyhow::Result<Report> {
     let seen = files::Seen::of(input)?;
     let mut replacement = Replacement::beside(target)?;
-    let accelerations =
-        Accelerations { print_mm_s2: args.acceleration.max(1.0), travel_mm_s2: args.acceleration.max(1.0) };
-    let options = Options { wishes: Wishes { first_layer: args.first_layer }, accelerations };
+    let options = Options {
+        wishes: Wishes { first_layer: args.first_layer },
+        accelerations: accelerations(args.profile.as_deref())?,
+    };
     let bar = progress::bytes(seen.length, args.quiet);
     let mut report =
         post(input, replacement.file(), options, &|bytes| bar.set_position(bytes)).map_err(|failure| {
@@ -117,6 +120,13 @@ fn process(args: &Args, input: &mut File, path: &Path, target: &Path) -> anyhow:
         replacement.copy_of(input)?.put(input)?;
     }
     Ok(report)
+}
+
+/// What holds until the job says otherwise.
+fn accelerations(profile: Option<&str>) -> anyhow::Result<Accelerations> {
+    let Some(name) = profile else { return Ok(Accelerations::default()) };
+    let motion = load_printer(name)?.motion;
+    Ok(Accelerations { print_mm_s2: motion.print_mm_s2.0, travel_mm_s2: motion.travel_mm_s2.0 })
 }
 
 fn write_report(report: &Report, to: &Path) -> anyhow::Result<()> {
