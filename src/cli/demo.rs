@@ -55,13 +55,13 @@ const FAULTS_COUNT: u32 = 3;
 /// half a minute; Ctrl-C cancels it as it would cancel a print.
 #[derive(clap::Args, Debug)]
 pub(super) struct Args {
-    /// Put the files here; without it, into a new temporary folder, which stays
+    /// Folder for the files [default: a new temporary one, which stays]
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
     /// How many times faster than life the mock printer is
     #[arg(long, value_name = "K", default_value_t = SPEED, value_parser = mock_verb::speed)]
     speed: f64,
-    /// Print over a perfect cable; without it, three lines are damaged on purpose
+    /// Print over a perfect cable: without this, three lines are damaged on purpose
     #[arg(long)]
     no_faults: bool,
 }
@@ -139,7 +139,9 @@ fn file(what: &str, path: &Path) {
 }
 
 fn sample(paths: &Paths) -> anyhow::Result<()> {
-    say("A job's whole way: sliced, post-processed, printed. No hardware is needed.");
+    say(
+        "The whole way of a job, from the slicer's file to the last line printed.\nNo hardware is needed; Ctrl-C cancels.",
+    );
     heading(1, "A sliced job");
     match std::fs::read(&paths.job) {
         Ok(there) if there != JOB => bail!(
@@ -152,7 +154,7 @@ fn sample(paths: &Paths) -> anyhow::Result<()> {
         _ => {}
     }
     std::fs::write(&paths.job, JOB).with_context(|| format!("cannot write {}", paths.job.display()))?;
-    say("   A small float, 42 mm long, as PrusaSlicer sliced it for a printer with Marlin.");
+    say("   A float, 42 mm long, as PrusaSlicer sliced it for a printer with Marlin.");
     file("job", &paths.job);
     Ok(())
 }
@@ -199,7 +201,8 @@ fn printer(args: &Args, profile: &Profile) -> anyhow::Result<mock::Handle> {
         true => Faults::default(),
         false => {
             say(&format!(
-                "   {FAULTS_COUNT} lines will be damaged on their way, on purpose (--no-faults: none)."
+                "   On purpose, {FAULTS_COUNT} lines will be damaged on their way; the printer may take what\n   \
+                 is left of them for unknown commands (--no-faults leaves them whole)."
             ));
             Faults::parse(FAULTS)?
         }
@@ -227,6 +230,7 @@ fn stream(
     heading(5, "Print it (outrigger print)");
     let printing = print::Printing {
         job: print::Job::open(&paths.reordered, profile)?,
+        name: files::file_name(&paths.reordered),
         profile,
         device: printer.path().display().to_string(),
         baud: profile.serial.baud,

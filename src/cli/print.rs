@@ -82,6 +82,7 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
         };
         let printing = Printing {
             job,
+            name: args.file.display().to_string(),
             profile: &profile,
             device: mock.as_ref().map_or_else(|| args.port.clone(), |m| m.path().display().to_string()),
             baud,
@@ -106,6 +107,8 @@ pub(super) fn runtime() -> anyhow::Result<Runtime> {
 pub(super) struct Printing<'a> {
     /// The job.
     pub(super) job: Job,
+    /// What people know it by.
+    pub(super) name: String,
     /// The printer's profile.
     pub(super) profile: &'a Profile,
     /// The serial port.
@@ -273,7 +276,7 @@ pub(super) async fn print(
         outcome = drive(&mut port, &mut session, &mut source, &mut show, started, first) => Some(outcome),
     };
     show.finish();
-    verdict(&job.path, outcome, &show)
+    verdict(&printing.name, outcome, &show)
 }
 
 /// The printer behind `--port mock`: the profile's machine.
@@ -323,8 +326,8 @@ pub(super) fn stops() -> anyhow::Result<(impl Future<Output = ()>, impl Future<O
 }
 
 /// The last words.
-fn verdict(file: &Path, outcome: Option<Outcome>, show: &Show) -> anyhow::Result<()> {
-    let name = escape::printable(&file.display().to_string());
+fn verdict(name: &str, outcome: Option<Outcome>, show: &Show) -> anyhow::Result<()> {
+    let name = escape::printable(name);
     let after = |safety| match safety {
         Safety::Untouched => "nothing of it was sent",
         Safety::Acknowledged => "the printer has run the cancel macro: heaters are off",

@@ -35,20 +35,19 @@ impl Arrived {
 
     pub(super) fn table(&self) -> String {
         let s = &self.stats;
-        let own = s.lines_accepted.saturating_sub(s.digest_lines);
-        let own = format!("{} of the job, {own} questions of the host's own", s.digest_lines);
+        let own = format!("{} of the job, the rest are the host's own", s.digest_lines);
         let damaged = s.checksum_errors + s.checksums_missing + s.unknown_commands;
         let rows = [
             ("lines accepted", s.lines_accepted.to_string(), own.as_str()),
             ("lost", self.lost().to_string(), ""),
-            ("repeated", s.lines_repeated.to_string(), "accepted twice"),
+            ("repeated", s.lines_repeated.to_string(), "twice accepted"),
             ("damaged", damaged.to_string(), "noticed by checksum, or not understood"),
-            ("out of order", s.lines_out_of_order.to_string(), "refused: a damaged line went before"),
-            ("sent again", s.resends_asked.to_string(), "times the printer asked for it"),
+            ("out of order", s.lines_out_of_order.to_string(), "refused: the line before was damaged"),
+            ("asked again", s.resends_asked.to_string(), "by the printer, and sent again"),
             (
                 "planner empty",
                 format!("{:.1} %", s.planner_empty_share * 100.0),
-                "of the time: the head waited for lines",
+                "of the time that the head should move",
             ),
         ];
         let mut out = String::new();
@@ -115,11 +114,11 @@ pub(super) fn reordered(r: &Report) -> String {
     ];
     let mut out = format!(
         "   {} of {} infill sections have a better order. The result was read again:\n   \
-         it prints the same plastic in the same places.\n\n   {:<18}{:>12}{:>12}{:>10}\n",
+         it prints the same plastic in the same places.\n\n   {:<18}{:>14}{:>14}{:>10}\n",
         r.sections_changed, r.sections, "", "before", "after", "change"
     );
     for (name, [before, after], [b, a]) in rows {
-        let _ = writeln!(out, "   {name:<18}{before:>12}{after:>12}{:>10}", change(b, a));
+        let _ = writeln!(out, "   {name:<18}{before:>14}{after:>14}{:>10}", change(b, a));
     }
     out
 }
@@ -143,8 +142,8 @@ pub(super) fn closing(folder: &Path, seconds: f64) -> String {
     format!(
         "\nDone in {seconds:.0} s. The files stay in {}\n\n\
          With a printer of your own:\n  \
-         outrigger post JOB.gcode --picture LAYER.svg     reorder a sliced job in place\n  \
-         outrigger profile list                           find your printer's profile\n  \
+         outrigger post JOB.gcode --picture LAYER.svg   reorder a sliced job\n  \
+         outrigger profile list                         find your printer's profile\n  \
          outrigger print JOB.gcode --port DEV --profile NAME",
         folder.display()
     )
