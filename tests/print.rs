@@ -30,7 +30,7 @@ impl Mock {
         let child = Command::new(BINARY)
             .current_dir(folder.path())
             .args(["mock", "--link", "tty", "--stats", "stats.json"])
-            .args(["--faults", "faults.toml", "--baud", "0"])
+            .args(["--faults", "faults.toml", "--baud", "0", "--dtr-reset"])
             .args(options)
             .stdout(Stdio::null())
             .stderr(Stdio::null())
@@ -238,26 +238,38 @@ fn interrupted(options: &[&str], job: &str, signals: &[&str]) -> (Output, serde_
     (child.wait_with_output().unwrap(), mock.stats())
 }
 
+fn check_cancel(signal: &str) {
+    let job = format!("M104 S200\nM109 S200\n{}", moves(50));
+    let (out, stats) = interrupted(&["--speed", "2"], &job, &[signal]);
+    let said = text(&out.stderr);
+    assert_eq!(out.status.code(), Some(1), "{said}");
+    assert!(said.contains("cancelled"), "{said}");
+    assert!(said.contains("heaters are off"), "{said}");
+    assert_eq!(stats["nozzle_target_c"], 0.0);
+    assert_eq!(stats["bed_target_c"], 0.0);
+    // Nobody waited for the 200 °C.
+    assert!(stats["nozzle_c"].as_f64() < Some(150.0), "{stats}");
+}
+
 #[test]
 fn ctrl_c_ends_the_heating_and_switches_heaters_off() {
-    for signal in ["INT", "TERM", "HUP"] {
-        let job = format!("M104 S200\nM109 S200\n{}", moves(50));
-        let (out, stats) = interrupted(&["--speed", "1"], &job, &[signal]);
-        let said = text(&out.stderr);
-        assert_eq!(out.status.code(), Some(1), "{said}");
-        assert!(said.contains("cancelled"), "{said}");
-        assert!(said.contains("heaters are off"), "{said}");
-        assert_eq!(stats["nozzle_target_c"], 0.0);
-        assert_eq!(stats["bed_target_c"], 0.0);
-        // Nobody waited for the 200 °C.
-        assert!(stats["nozzle_c"].as_f64() < Some(150.0), "{stats}");
-    }
+    check_cancel("INT");
+}
+
+#[test]
+fn so_does_a_request_to_terminate() {
+    check_cancel("TERM");
+}
+
+#[test]
+fn so_does_the_end_of_the_terminal() {
+    check_cancel("HUP");
 }
 
 #[test]
 fn a_second_ctrl_c_quits_at_once_and_says_what_is_left_on() {
     let job = format!("M104 S200\nG4 S600\n{}", moves(50));
-    let (out, stats) = interrupted(&["--speed", "1"], &job, &["INT", "INT"]);
+    let (out, stats) = interrupted(&["--speed", "2"], &job, &["INT", "INT"]);
     let said = text(&out.stderr);
     assert_eq!(out.status.code(), Some(1), "{said}");
     assert!(said.contains("STAY AS THEY ARE"), "{said}");

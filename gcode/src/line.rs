@@ -166,12 +166,14 @@ pub fn parse(input: &[u8]) -> Line<'_> {
         Err(_) if code.trim_ascii().is_empty() => (code, (&code[..0], Command::None)),
         Err(_) => (code, (&code[..0], Command::Unknown)),
     };
-    let words = match command {
-        Command::Classic { letter: b'M', number, .. } if TEXT_ARGUMENT.contains(&number) => Words::NONE,
-        Command::Classic { .. } => words(args),
-        _ => Words::NONE,
-    };
-    Line { indent, number, head, args, checksum, comment, ending, command, words }
+    let words = Words::NONE;
+    let mut line = Line { indent, number, head, args, checksum, comment, ending, command, words };
+    match command {
+        Command::Classic { letter: b'M', number, .. } if TEXT_ARGUMENT.contains(&number) => {}
+        Command::Classic { .. } => read_words(args, &mut line.words),
+        _ => {}
+    }
+    line
 }
 
 /// Appends the line as it was read.
@@ -269,16 +271,16 @@ fn named(input: &[u8]) -> IResult<&[u8], (&[u8], Command<'_>)> {
     Ok((rest, (head, Command::Named(head))))
 }
 
-/// Reads `X10 Y-.5 E5F3000` with blanks and `(comments)` between.
-fn words(all: &[u8]) -> Words {
-    let mut words = Words::NONE;
+/// Reads `X10 Y-.5 E5F3000` with blanks and `(comments)` between; in place, for
+/// the words are most of a line's size.
+fn read_words(all: &[u8], words: &mut Words) {
     let mut args = all;
     loop {
         args = skip_blanks_and_parentheses(args);
-        let Some((&letter, rest)) = args.split_first() else { return words };
+        let Some((&letter, rest)) = args.split_first() else { return };
         if !letter.is_ascii_alphabetic() || usize::from(words.len) == MAX_WORDS {
             words.complete = false;
-            return words;
+            return;
         }
         let mut word = Word { letter: letter.to_ascii_uppercase(), ..NO_WORD };
         args = rest;

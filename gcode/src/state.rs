@@ -88,11 +88,18 @@ impl Move {
     pub fn length_mm(&self) -> f64 {
         let dz = self.to[2] - self.from[2];
         let flat = match self.arc {
-            None => (self.to[0] - self.from[0]).hypot(self.to[1] - self.from[1]),
+            None => hypotenuse(self.to[0] - self.from[0], self.to[1] - self.from[1]),
             Some(arc) => (arc.sweep(self.from, self.to) * arc.radius(self.from)).abs(),
         };
-        if dz == 0.0 { flat } else { flat.hypot(dz) }
+        if dz == 0.0 { flat } else { hypotenuse(flat, dz) }
     }
+}
+
+/// As `hypot`, by one square root where the squares are neither too large nor too
+/// small for it: any printer's coordinates. Every move is measured, several times.
+fn hypotenuse(x: f64, y: f64) -> f64 {
+    let squared = x * x + y * y;
+    if squared == 0.0 || (1e-200..1e200).contains(&squared) { squared.sqrt() } else { x.hypot(y) }
 }
 
 /// Chords stand for arcs where only the place matters, mm.

@@ -26,8 +26,8 @@ const MAX_COORDINATE_MM: f64 = 10_000.0;
 /// A bead's width where the file does not say it, mm: that of a 0.4 mm nozzle.
 const DEFAULT_WIDTH_MM: f64 = 0.45;
 
-/// After so many moves with E it shows whether E words are positions.
-const TELLING_MOVES: u64 = 200;
+/// After so many deposits it shows whether E words are positions.
+const TELLING_DEPOSITS: u64 = 100;
 
 /// Why a file is left alone.
 #[derive(Debug, thiserror::Error)]
@@ -74,15 +74,15 @@ pub enum Unfit {
     },
     /// E words that cannot be positions, as they are said to be.
     #[error(
-        "by line {line} E went backwards in {wipes} of {moves} moves: E is not what M82 and M83 in the file say"
+        "by line {line} E fell and rose again within {falls} of {deposits} extrusions: it is not what M82 and M83 in the file say"
     )]
     Backwards {
         /// Counted from 1.
         line: u64,
-        /// Moves that pull filament back on their way.
-        wipes: u64,
-        /// Moves with E in all.
-        moves: u64,
+        /// Deposits right after a move that pulled filament back.
+        falls: u64,
+        /// Deposits in all.
+        deposits: u64,
     },
     /// Lines that carry numbers and checksums already.
     #[error("line {line} carries a line number; numbered files are passed through")]
@@ -115,9 +115,12 @@ pub struct Layers<R> {
     /// A layer mark was read, and no deposit since.
     marked: bool,
     first_z: Option<f64>,
-    /// XY moves that push filament, and that pull it back.
+    /// Deposits, and those right after a move that pulled filament back.
     deposits: u64,
-    wipes: u64,
+    falls: u64,
+    fell: bool,
+    /// Room for the next layer: bytes and rows.
+    usual: (usize, usize),
     /// The first deposit of the next layer, read already.
     held: Vec<u8>,
     done: bool,
@@ -138,7 +141,9 @@ impl<R: BufRead> Layers<R> {
             marked: false,
             first_z: None,
             deposits: 0,
-            wipes: 0,
+            falls: 0,
+            fell: false,
+            usual: (0, 0),
             held: Vec::new(),
             done: false,
         }
@@ -182,14 +187,15 @@ impl<R: BufRead> Layers<R> {
     }
 
     fn begin(&self) -> Layer {
-        let mut text = Vec::new();
+        let (usual_text, usual_rows) = self.usual;
+        let mut text = Vec::with_capacity(usual_text);
         let state = self.settings.state(&mut text, self.machine.tool);
         let start = text.len() as u32;
         Layer {
             number: self.number,
             text,
             input: Span { start, end: start },
-            rows: Vec::new(),
+            rows: Vec::with_capacity(usual_rows),
             states: vec![state],
             start: self.machine.clone(),
             end: self.machine.clone(),
@@ -200,6 +206,8 @@ impl<R: BufRead> Layers<R> {
     }
 
     fn finish(&mut self, layer: &mut Layer) {
+        // Layers are much alike: the next one needs about as much room.
+        self.usual = (layer.text.len() * 9 / 8, layer.rows.len() * 9 / 8);
         layer.input.end = layer.text.len() as u32;
         layer.end = self.machine.clone();
         layer.style = self.style;
@@ -312,18 +320,22 @@ impl<R: BufRead> Layers<R> {
     }
 
     /// A start macro may hide an `M83`: the file's E words are distances then, and
-    /// read as positions they go back and forth. Honest files wipe less than they print.
+    /// read as positions they fall and rise from move to move. In honest files
+    /// what a wipe pulled back is pushed again before the next extrusion.
     fn refuse_backwards(&mut self, effect: Effect) -> Result<(), Unfit> {
         let Effect::Motion(m) = effect else { return Ok(()) };
         match m.kind() {
-            Kind::Deposit => self.deposits += 1,
-            Kind::Wipe => self.wipes += 1,
-            _ => return Ok(()),
+            Kind::Deposit => {
+                self.deposits += 1;
+                self.falls += u64::from(std::mem::replace(&mut self.fell, false));
+            }
+            Kind::Wipe => self.fell = true,
+            Kind::Filament => self.fell &= m.e < 0.0,
+            Kind::Travel | Kind::Still => {}
         }
-        let moves = self.deposits + self.wipes;
-        let backwards = self.machine.e_is_absolute() && moves >= TELLING_MOVES && self.wipes * 3 > moves;
-        if backwards {
-            return Err(Unfit::Backwards { line: self.line, wipes: self.wipes, moves });
+        let (deposits, falls) = (self.deposits, self.falls);
+        if self.machine.e_is_absolute() && deposits >= TELLING_DEPOSITS && falls * 10 > deposits {
+            return Err(Unfit::Backwards { line: self.line, falls, deposits });
         }
         Ok(())
     }
@@ -426,7 +438,7 @@ mod tests {
         check(b"G1 X1\nG1\0\n", "line 2 (byte 6) holds a zero byte");
         check(b"G1 X99999999\n", "line 1 (byte 0) moves beyond");
         let hidden = (1..=150).map(|k| format!("G1 X{k} E.5\nG1 Y{k} E.25\n")).collect::<String>();
-        check(hidden.as_bytes(), "by line 200 E went backwards in 100 of 200 moves");
+        check(hidden.as_bytes(), "by line 199 E fell and rose again within 99 of 100 extrusions");
         check(b"N1 G1 X1*97\n", "line 1 carries a line number");
         check(b";LAYER_CHANGE\n;LAYER:3\n", "line 2 marks a layer as Cura");
         check(&b"G1 X1 ; padding padding padding\n".repeat(MAX_LAYER_BYTES / 32 + 1), "is larger than");

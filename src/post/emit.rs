@@ -9,7 +9,7 @@ use super::link::{Habits, Retraction, Sample, Travel, Wipe, is_regular};
 use super::rewrite::{Change, rewrite};
 use super::section::{BeadRows, is_link};
 use crate::toolpath::bead::{LiftRule, Point, distance_mm};
-use outrigger_gcode::line::{Line, parse};
+use outrigger_gcode::line::{Command, Line, parse};
 use outrigger_gcode::number::{Format, write_decimal};
 use outrigger_gcode::state::{Kind, Move};
 use std::ops::Range;
@@ -35,9 +35,9 @@ pub(super) enum Refusal {
     Anchored,
     #[error("something between two beads moves that cannot be made anew")]
     Irregular,
-    #[error("the way over a barrier is not retracted and would need it")]
+    #[error("the way is not retracted and would need it")]
     Unretracted,
-    #[error("the way over a barrier has no travel to lead elsewhere")]
+    #[error("the way has no travel to lead elsewhere")]
     NoWay,
 }
 
@@ -396,12 +396,26 @@ impl<'a> Emitter<'a> {
         habits: &Habits,
     ) -> Result<(), Refusal> {
         let same = distance_mm(self.at(), old[0]) < SAME_MM && distance_mm(to, old[1]) < SAME_MM;
+        // Another bead may have been printed last than in the file.
+        self.cursor.e_in_step = false;
         let layer = self.layer;
         if same {
             self.copy_all(rows);
             Ok(())
         } else if layer.rows[rows.clone()].iter().all(|r| is_link(r.what)) {
-            if !is_regular(layer, &layer.rows[rows.clone()]) {
+            let own = &layer.rows[rows.clone()];
+            let regular = is_regular(layer, own);
+            let pulls = own.iter().any(|row| match row.what {
+                What::Move(m, _) => m.e < 0.0,
+                what => what == What::Retract,
+            });
+            let from_there = distance_mm(self.at(), old[0]) < SAME_MM;
+            // The file's own way of retracting where it stands (with PrusaSlicer's move
+            // inwards from a wall, say) is the best one, and where that is needed it stays.
+            if from_there && pulls && (!regular || rule.needs_lift(self.at(), to)) {
+                return self.led_elsewhere(rows, old[0], to, rule);
+            }
+            if !regular {
                 return Err(Refusal::Irregular);
             }
             for row in &layer.rows[rows.clone()] {
@@ -411,7 +425,7 @@ impl<'a> Emitter<'a> {
             }
             self.jump(to, rows.end, rule, habits)
         } else {
-            self.over_barrier(rows, old[0], to, rule)
+            self.led_elsewhere(rows, old[0], to, rule)
         }
     }
 
@@ -424,11 +438,11 @@ impl<'a> Emitter<'a> {
         habits: &Habits,
     ) -> Result<(), Refusal> {
         let state = self.layer.rows.get(first).map_or(0, |r| r.state);
+        // What comes next is out of step with the file's own E words.
+        self.cursor.e_in_step = false;
         if distance_mm(self.at(), to) < SAME_MM {
             return Ok(());
         }
-        // What comes next is out of step with the file's own E words.
-        self.cursor.e_in_step = false;
         if !rule.needs_lift(self.at(), to) {
             let travel = habits.plain().ok_or(Refusal::NoTravel)?.clone();
             self.travel(to, &travel, state);
@@ -485,8 +499,14 @@ impl<'a> Emitter<'a> {
         if line.words.has(b'F') || self.cursor.feed != sample.feed {
             changes.push((b'F', Change::Set(sample.feed, FEED)));
         }
+        // A wipe may have gone along an arc; what is made like it is straight.
+        let is_arc = matches!(line.command, Command::Classic { letter: b'G', number: 2 | 3, .. });
+        let head: &[u8] = if is_arc { b"G1" } else { line.head };
+        if is_arc {
+            changes.extend(b"IJRP".map(|letter| (letter, Change::Drop)));
+        }
         let m = Move { from: self.cursor.position, to, e, feed: sample.feed, arc: None };
-        self.add(What::Move(m, m.kind()), state, |out| rewrite(&line, line.head, &changes, out));
+        self.add(What::Move(m, m.kind()), state, |out| rewrite(&line, head, &changes, out));
     }
 
     /// Pulls the filament back as the file does, wiping over the bead printed last.
@@ -591,9 +611,9 @@ impl<'a> Emitter<'a> {
         path
     }
 
-    /// The rows of a link with barriers, mended: the barriers stay as they are, the
-    /// wipe goes over the bead printed last, the last travel goes to `to`.
-    fn over_barrier(
+    /// The rows of a link as they are, barriers included, but that the wipe goes over
+    /// the bead printed last and the last travel to `to`, straight.
+    fn led_elsewhere(
         &mut self,
         rows: Range<usize>,
         from: Point,
@@ -603,7 +623,14 @@ impl<'a> Emitter<'a> {
         let layer = self.layer;
         let is_travel = |row: &Row| matches!(row.what, What::Move(m, Kind::Travel) if m.moves_xy());
         let last_travel = rows.clone().rev().find(|&k| is_travel(&layer.rows[k]));
-        let last_barrier = rows.clone().rev().find(|&k| !is_link(layer.rows[k].what)).unwrap_or(rows.start);
+        // The travels right before the last one are corners on the old way.
+        let is_corner = |row: &Row| match row.what {
+            What::Move(m, kind) => kind == Kind::Still || (is_travel(row) && m.from[2] == m.to[2]),
+            what => matches!(what, What::Channel(_) | What::Progress | What::Quiet),
+        };
+        let way = last_travel.map_or(rows.end, |last| {
+            (rows.start..last).rev().take_while(|&k| is_corner(&layer.rows[k])).last().unwrap_or(last)
+        });
         let left_from = self.at();
         let mut was = from;
         let mut k = rows.start;
@@ -625,11 +652,13 @@ impl<'a> Emitter<'a> {
                     }
                     self.copy_to(&row, m, to);
                 }
-                What::Move(m, _) if is_travel(&row) && k > last_barrier && m.from[2] == m.to[2] => {}
+                What::Move(..) if is_travel(&row) && k >= way && Some(k) < last_travel => {}
                 _ => self.copy(&row),
             }
             k += 1;
         }
+        // Which bead comes next is the caller's choice.
+        self.cursor.e_in_step = false;
         if distance_mm(self.at(), to) > SAME_MM { Err(Refusal::NoWay) } else { Ok(()) }
     }
 

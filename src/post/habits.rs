@@ -51,6 +51,10 @@ impl FileHabits {
     /// Reads the settings in a stretch of the file (its beginning or its end).
     pub fn read_settings(&mut self, text: &[u8]) {
         for bytes in split_lines(text) {
+            // Settings are comments; the moves between need not be parsed.
+            if !bytes.trim_ascii_start().starts_with(b";") {
+                continue;
+            }
             let line = parse(bytes);
             match setting(&line) {
                 Some(("retract_before_travel" | "retraction_minimum_travel", value))

@@ -142,6 +142,7 @@ fn take_apart(layer: &Layer, rows: &[Row]) -> Option<Link> {
                     Kind::Filament => parts.push(sample(), m.e)?,
                     Kind::Wipe if m.from[2] != m.to[2] => return None,
                     Kind::Wipe => {
+                        parts.leave_wall();
                         parts.at(Stage::Wipe)?;
                         let wipe = parts.wipe.get_or_insert(Wipe {
                             line: sample(),
@@ -156,6 +157,7 @@ fn take_apart(layer: &Layer, rows: &[Row]) -> Option<Link> {
                 }
             }
             What::Retract => {
+                parts.leave_wall();
                 parts.at(Stage::After)?;
                 parts.firmware[0] = text();
             }
@@ -218,7 +220,18 @@ impl Parts {
         on.then_some(())
     }
 
+    /// A travel before the filament is pulled back is no travel yet: PrusaSlicer
+    /// first moves inwards from a wall.
+    fn leave_wall(&mut self) {
+        let pulled = self.before.is_some() || self.wipe.is_some() || self.after.is_some();
+        if self.stage == Stage::Travel && !pulled && self.height_mm == 0.0 {
+            self.stage = Stage::Before;
+            self.travel = None;
+        }
+    }
+
     fn pull(&mut self, line: Sample, e: f64) -> Option<()> {
+        self.leave_wall();
         let part = if self.stage == Stage::Before {
             &mut self.before
         } else {
@@ -234,6 +247,10 @@ impl Parts {
         let sloped = m.moves_xy() || m.arc.is_some();
         if m.e != 0.0 {
             return None;
+        }
+        if self.stage == Stage::Unretract && dz == 0.0 && self.travel.is_some() {
+            // Cura's combing: pushed again just inside, then on to the bead.
+            return Some(());
         }
         if dz > 0.0 {
             // Sloped and spiral hops (OrcaSlicer, PrusaSlicer's ramps) become upright
@@ -325,6 +342,11 @@ mod tests {
             assert_eq!(sample, Sample { text: b"G1 Z1 F720\n".to_vec(), feed: 720.0 });
         }
 
+        // In from the wall, back, over, forth, and on to the bead.
+        let inwards = link("G1 X2\nG1 E-1\nG1 X5\nG1 E1\nG1 X6\n").unwrap();
+        assert_eq!(inwards.travel.line.text, b"G1 X5\n");
+        assert_eq!(inwards.retraction.unwrap().depth_mm(), 1.0);
+
         let firmware = link("G10\nG1 X5\nG11\n").unwrap().retraction.unwrap();
         assert_eq!(firmware.firmware, Some([b"G10\n".to_vec(), b"G11\n".to_vec()]));
         assert_eq!(firmware.depth_mm(), 0.0);
@@ -336,7 +358,7 @@ mod tests {
             "G1 E-1\nG1 X5 Y5 Z2\nG1 X6 Z1\nG1 E1\n",
             "G1 E-1\nG1 Z2\nG1 X5\nG1 E1\n",
             "G1 E-1\nG1 X5\n",
-            "G1 X5\nG1 E-1\nG1 X6\nG1 E1\n",
+            "G1 E-1\nG1 X5\nG1 E-1\nG1 X6\nG1 E2\n",
             "G1 Z2\nG1 X5\nG1 Z1\n",
             "G10\nG1 X5\n",
             "G1 E-1\nG1 E1\n",

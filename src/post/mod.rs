@@ -205,7 +205,9 @@ fn measured_only(
 /// A layer's bytes for the verifier; the output's where they differ.
 struct Pair {
     number: u32,
-    input: Vec<u8>,
+    /// The layer's text, and where in it the input stands.
+    text: Vec<u8>,
+    input: layer::Span,
     output: Option<Vec<u8>>,
 }
 
@@ -286,10 +288,8 @@ fn rewrite_all(
         output.write_all(written.as_deref().unwrap_or(layer.input()))?;
         let number = layer.number;
         below = layer.cover.take();
-        let mut input = layer.text;
-        input.truncate(layer.input.end as usize);
-        input.drain(..layer.input.start as usize);
-        if pairs.send(Pair { number, input, output: written }).is_err() {
+        let pair = Pair { number, text: layer.text, input: layer.input, output: written };
+        if pairs.send(pair).is_err() {
             // The verifier found a difference; it tells which.
             return Ok(());
         }
@@ -306,7 +306,8 @@ fn verify(
     let mut last = 0;
     for pair in pairs {
         last = pair.number;
-        verifier.layer(pair.number, &pair.input, pair.output.as_deref())?;
+        let input = &pair.text[pair.input.start as usize..pair.input.end as usize];
+        verifier.layer(pair.number, input, pair.output.as_deref())?;
     }
     verifier.finish(last)
 }

@@ -33,6 +33,10 @@ const E_SUM_MM: f64 = 1e-3;
 /// Filament moved between the deposits of one layer may differ by this, mm.
 const PRIMED_MM: f64 = 1e-3;
 
+/// Travels may leave the file's bounds by this, mm: an arc walked from its other
+/// end has its centre rounded another way, and its bulge with it.
+const BOUNDS_MM: f64 = 0.01;
+
 /// Marlin takes 95 bytes of a framed line; `N12345678 ` and `*255` are 14 of them.
 const MAX_CODE_BYTES: usize = 81;
 
@@ -144,9 +148,38 @@ struct Reading {
     /// Deposits before it, and its hash.
     others: Vec<(u32, u64)>,
     lowest_travel: f64,
-    /// Filament moved between deposits, mm: nothing, or each retraction's extra.
+    /// Filament moved between deposits, mm, as if none were left pulled back at the end.
     primed_mm: f64,
-    retractions: u64,
+    /// What each stretch with a retraction moved in all, mm: 0, or its extra.
+    extras_mm: Vec<f64>,
+    /// Filament moved since the last deposit, mm, and how far back it was then.
+    since_mm: f64,
+    back_mm: f64,
+}
+
+impl Reading {
+    /// A move between deposits.
+    fn primes(&mut self, e: f64) {
+        self.primed_mm += e;
+        self.since_mm += e;
+        self.back_mm = self.back_mm.min(self.since_mm);
+    }
+
+    /// A deposit, or the end of the layer.
+    fn ends_stretch(&mut self) {
+        if self.back_mm < -E_SUM_MM {
+            self.extras_mm.push(self.since_mm);
+        }
+        self.since_mm = 0.0;
+        self.back_mm = 0.0;
+    }
+
+    /// What a retraction of this file pushes more than it pulled, mm.
+    fn extra_mm(&self) -> f64 {
+        let mut extras = self.extras_mm.clone();
+        extras.sort_by(f64::total_cmp);
+        extras.get(extras.len() / 2).copied().unwrap_or(0.0)
+    }
 }
 
 /// Reads one of the two files.
@@ -191,7 +224,7 @@ impl Side {
 
     fn read(&mut self, bytes: &[u8]) -> Reading {
         let mut reading = Reading { lowest_travel: f64::INFINITY, ..Reading::default() };
-        let retractions = self.measure.totals().retractions;
+        let depth_mm = self.measure.depth_mm();
         for bytes in split_lines(bytes) {
             let line = parse(bytes);
             let mark = self.mark(&line);
@@ -233,7 +266,12 @@ impl Side {
             }
         }
         self.clock.rest();
-        reading.retractions = self.measure.totals().retractions - retractions;
+        let left_back_mm = self.measure.depth_mm() - depth_mm;
+        if left_back_mm.abs() > E_SUM_MM {
+            // The stretch goes on in the next layer, or the file ends in it.
+            reading.primes(left_back_mm);
+        }
+        reading.ends_stretch();
         reading
     }
 
@@ -252,18 +290,21 @@ impl Side {
         let kind = m.kind();
         self.measure.add(m, kind, self.feature_name, self.machine.tool);
         self.clock.add(m, kind);
-        if kind != Kind::Deposit {
-            reading.primed_mm += m.e;
+        if kind == Kind::Deposit {
+            reading.ends_stretch();
+        } else {
+            reading.primes(m.e);
         }
         if kind == Kind::Still || kind == Kind::Filament {
             return;
         }
-        for p in [m.from, m.to] {
-            for k in 0..2 {
-                self.low[k] = self.low[k].min(p[k]);
-                self.high[k] = self.high[k].max(p[k]);
+        // An arc bulges beyond its ends, and a wipe back over it goes there too.
+        m.chords(|a, b| {
+            for p in [a, b] {
+                self.low = [self.low[0].min(p[0]), self.low[1].min(p[1])];
+                self.high = [self.high[0].max(p[0]), self.high[1].max(p[1])];
             }
-        }
+        });
         if kind == Kind::Deposit {
             if reading.contexts.last() != Some(&self.context) {
                 reading.contexts.push(self.context);
@@ -460,8 +501,8 @@ impl Verifier {
         if old.others != new.others {
             return Err(What::Others(first_other(&old.others, &new.others, output)));
         }
-        let extra_mm = if old.retractions > 0 { old.primed_mm / old.retractions as f64 } else { 0.0 };
-        let due_mm = old.primed_mm + extra_mm * (new.retractions as f64 - old.retractions as f64);
+        let more = new.extras_mm.len() as f64 - old.extras_mm.len() as f64;
+        let due_mm = old.primed_mm + old.extra_mm() * more;
         if (new.primed_mm - due_mm).abs() > PRIMED_MM {
             return Err(What::Primed(new.primed_mm - due_mm));
         }
@@ -472,7 +513,9 @@ impl Verifier {
         if after.measure.deepest_mm > before.measure.deepest_mm + E_MM {
             return Err(What::Deeper(after.measure.deepest_mm));
         }
-        if new.lowest_travel < old.lowest_travel - UNIT_MM {
+        let layer_z = old.segments.iter().map(|s| s.place[2].min(s.place[5])).min();
+        let floor_mm = layer_z.map_or(f64::INFINITY, |z| z as f64 * UNIT_MM).min(old.lowest_travel);
+        if new.lowest_travel < floor_mm - UNIT_MM {
             return Err(What::Low(new.lowest_travel));
         }
         self.lengths(input, output)?;
@@ -584,7 +627,7 @@ impl Verifier {
     pub fn finish(mut self, last_layer: u32) -> Result<Figures, Difference> {
         let (before, after) = (&self.before, &self.after);
         let outside = (0..2)
-            .any(|k| after.low[k] < before.low[k] - UNIT_MM || after.high[k] > before.high[k] + UNIT_MM);
+            .any(|k| after.low[k] < before.low[k] - BOUNDS_MM || after.high[k] > before.high[k] + BOUNDS_MM);
         if outside {
             return Err(Difference { layer: last_layer, what: What::Outside });
         }
@@ -678,6 +721,21 @@ mod tests {
             assert!(input.contains(old), "{old}");
             check(&input, &input.replacen(old, new, 1), Some(expect));
         }
+    }
+
+    #[test]
+    fn a_wipe_over_an_arc_goes_where_the_arc_went() {
+        let arc = "M83\n;TYPE:Internal infill\nG1 X0 Y0 F600\nG3 X10 Y0 I5 J0 E1\n";
+        check(
+            &[arc, "G1 E-1\nG1 E1\nG1 X0 Y0\n"].concat(),
+            &[arc, "G1 X5 Y-5 E-1\nG1 E1\nG1 X0 Y0\n"].concat(),
+            None,
+        );
+        check(
+            &[arc, "G1 E-1\nG1 E1\nG1 X0 Y0\n"].concat(),
+            &[arc, "G1 X5 Y-5.1 E-1\nG1 E1\nG1 X0 Y0\n"].concat(),
+            Some("leave the bounds"),
+        );
     }
 
     #[test]

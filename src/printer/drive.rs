@@ -99,7 +99,13 @@ pub async fn drive(
                 Ok(Moved::Read(len)) => session.on_bytes(&input[..len], now_ms(started)),
                 Err(e) => session.port_lost(e.to_string()),
             },
-            () = &mut timer => session.on_tick(now_ms(started)),
+            () = &mut timer => {}
+        }
+        // Also after an exchange: a printer that never falls silent must not keep
+        // the session from its deadlines.
+        let now_ms = now_ms(started);
+        if session.deadline().is_some_and(|at_ms| at_ms <= now_ms) {
+            session.on_tick(now_ms);
         }
     }
 }

@@ -97,6 +97,9 @@ pub struct Checked {
     pub lines: u64,
     /// Lines that will be sent.
     pub commands: u64,
+    /// Number of the last of these: what follows are comments (settings,
+    /// thumbnails), so this line is the job's end.
+    pub last_command: u64,
     /// Messages (M117, M118) that will be shortened.
     pub shortened: u64,
     /// Bytes.
@@ -115,7 +118,7 @@ pub fn check(
 ) -> Result<Checked, JobError> {
     let mut lines = Lines::new(file);
     let mut scratch = Vec::new();
-    let mut checked = Checked { lines: 0, commands: 0, shortened: 0, bytes: 0 };
+    let mut checked = Checked { lines: 0, commands: 0, last_command: 0, shortened: 0, bytes: 0 };
     while let Some((number, line)) = lines.next_line()? {
         each(number, line);
         let Some(command) = sendable(line, &mut scratch) else {
@@ -130,6 +133,7 @@ pub fn check(
         })?;
         checked.shortened += u64::from(fitted.len() < command.len());
         checked.commands += 1;
+        checked.last_command = number;
     }
     checked.lines = lines.number;
     checked.bytes = lines.bytes;
@@ -326,6 +330,7 @@ mod tests {
         let check_file = |text: &str, expect: &[(u64, &str)]| {
             let checked = check(text.as_bytes(), Some(95), |_, _| {}).unwrap();
             assert_eq!(checked.commands as usize, expect.len());
+            assert_eq!(Some(checked.last_command), expect.last().map(|e| e.0));
             assert_eq!(checked.bytes as usize, text.len());
             let got = read_all(text.as_bytes(), checked).unwrap();
             let got: Vec<_> = got.iter().map(|(n, c)| (*n, c.as_str())).collect();

@@ -35,6 +35,11 @@ impl LineSplitter {
         self.keep(bytes);
     }
 
+    /// Drops the beginning of a line whose end has not come.
+    pub fn forget(&mut self) {
+        self.partial.clear();
+    }
+
     fn keep(&mut self, bytes: &[u8]) {
         let room = MAX_REPLY_LEN - self.partial.len();
         // A board that is switched on puts NULs on the line; no reply has any.

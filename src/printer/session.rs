@@ -24,6 +24,7 @@
 mod answers;
 mod event;
 mod kind;
+mod sending;
 mod settings;
 mod stall;
 
@@ -36,16 +37,11 @@ pub use event::{Ending, Event, Failure, Outcome, Safety};
 pub use settings::{DEFAULT_BOOT_WAIT_MS, DEFAULT_WINDOW_BYTES, MARLIN_MAX_LINE, Settings};
 
 use crate::printer::lines::LineSplitter;
-use crate::printer::window::{Kind, Tag, Window};
-use kind::{kind_of, sets_line_number};
-use outrigger_gcode::checksum::{fit, frame, framed_len, sendable};
+use crate::printer::window::Window;
+use kind::sets_line_number;
+use outrigger_gcode::checksum::frame;
 use settings::*;
 use std::collections::VecDeque;
-
-/// A tag for lines that are not the job's.
-fn own(kind: Kind) -> Tag {
-    Tag { job_line: 0, kind }
-}
 
 /// Where in its life the connection is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,7 +50,8 @@ enum Phase {
     Boot { speak_ms: u64, latest_ms: u64 },
     /// M110 was sent; its `ok` leads on.
     Numbering { then: Then, tries: u32, retry_ms: u64 },
-    /// Asking who is there: 0 nothing, 1 M115, 2 M155 sent.
+    /// Asking who is there: 0 nothing, 1 M115, [`ASKED_ALL`] M155 sent; then an
+    /// M105 proves that both sides count alike.
     Identify { asked: u8 },
     /// Feeding the job; `closing` once its last line is in the window.
     Job { closing: Closing },
@@ -65,6 +62,9 @@ enum Phase {
     /// Over.
     Ended,
 }
+
+/// The last step of [`Phase::Identify`].
+const ASKED_ALL: u8 = 2;
 
 /// What follows when the printer counts from 0 again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,6 +115,8 @@ pub struct Session {
     out_at: usize,
     events: VecDeque<Event>,
     ending: Option<Ending>,
+    /// The source has no more lines.
+    job_over: bool,
     /// Whether a line of the job was ever sent.
     touched: bool,
     /// Last job line that was acknowledged.
@@ -144,6 +146,7 @@ impl Session {
             out_at: 0,
             events: VecDeque::new(),
             ending: None,
+            job_over: false,
             touched: false,
             job_acked: 0,
             lines_sent: 0,
@@ -194,7 +197,7 @@ impl Session {
     }
 
     /// Gives the next line of the job: a command without comment or number (see
-    /// [`sendable`]) and its line number in the file, from 1.
+    /// [`sendable`](outrigger_gcode::checksum::sendable)) and its line number in the file, from 1.
     ///
     /// Ignored unless [`Session::wants_line`].
     pub fn feed(&mut self, command: &[u8], job_line: u64, now_ms: u64) {
@@ -218,6 +221,7 @@ impl Session {
             && *closing == Closing::No
         {
             *closing = Closing::Drained;
+            self.job_over = true;
             self.pump(now_ms);
         }
     }
@@ -322,9 +326,11 @@ impl Session {
             });
             return;
         }
-        // The line feed ends whatever half line the printer may hold. It only
-        // does harm to no one: empty lines are not answered.
-        self.out.push(b'\n');
+        if then == Then::Identify {
+            // Someone before us may have left half a line; a line feed ends it.
+            // Empty lines are not answered.
+            self.out.push(b'\n');
+        }
         frame(0, b"M110 N0", &mut self.out);
         self.answers.forget_drain();
         self.phase = Phase::Numbering { then, tries: tries + 1, retry_ms: now_ms + HANDSHAKE_TRY_MS };
@@ -335,9 +341,11 @@ impl Session {
         self.window.reset();
         self.stall.progress(now_ms);
         self.proof_tries = 0;
+        self.answers.unproved();
         self.phase = match then {
             Then::Identify => Phase::Identify { asked: 0 },
-            Then::Job => Phase::Job { closing: Closing::No },
+            // Not before M105 has proved that M110 was understood.
+            Then::Job => Phase::Identify { asked: ASKED_ALL },
             Then::Safe { until_ms } => Phase::Safe { next: 0, until_ms },
         };
         if tries > 1 {
@@ -412,216 +420,5 @@ impl Session {
         if must || self.events.len() < MAX_EVENTS {
             self.events.push_back(event);
         }
-    }
-
-    // ---- sending ----
-
-    /// Sends all that may go now.
-    fn pump(&mut self, now_ms: u64) {
-        if self.answers.is_draining() {
-            return;
-        }
-        loop {
-            while self.send_next(false, now_ms) {}
-            if !self.window.all_sent() {
-                return;
-            }
-            let more = match self.phase {
-                Phase::Identify { asked } => self.identify(asked, now_ms),
-                Phase::Job { closing } => self.push_job(closing, now_ms),
-                Phase::WindDown { interrupt, .. } => self.wind_down(interrupt, now_ms),
-                Phase::Safe { next, until_ms } => self.push_safe(next, until_ms),
-                _ => false,
-            };
-            if !more {
-                return;
-            }
-        }
-    }
-
-    /// Sends the line at the cursor if the window has room or `force` is set.
-    fn send_next(&mut self, force: bool, now_ms: u64) -> bool {
-        if !matches!(
-            self.phase,
-            Phase::Identify { .. } | Phase::Job { .. } | Phase::WindDown { .. } | Phase::Safe { .. }
-        ) {
-            return false;
-        }
-        // A line on a quiet wire starts the wait for its answer.
-        let was_idle = self.window.is_idle();
-        let sent = self.window.send_next(&mut self.out, force);
-        if sent {
-            self.lines_sent += 1;
-            if was_idle {
-                self.stall.progress(now_ms);
-            }
-        }
-        sent
-    }
-
-    fn identify(&mut self, asked: u8, now_ms: u64) -> bool {
-        if !self.window.is_idle() {
-            return false;
-        }
-        let report = format!("M155 S{AUTO_REPORT_S}");
-        let (command, step) = match asked {
-            0 => ("M115", 1),
-            1 if self.printer.auto_report => (report.as_str(), 2),
-            // An `ok` of before we came may have been taken for one of ours: the
-            // job begins in step.
-            _ if self.prove() => return true,
-            _ => {
-                self.tell(Event::Connected {
-                    firmware: self.printer.firmware.clone(),
-                    auto_temperatures: self.printer.auto_report,
-                    emergency_parser: self.printer.emergency_parser,
-                });
-                self.phase = Phase::Job { closing: Closing::No };
-                self.poll_ms = now_ms;
-                return true;
-            }
-        };
-        self.phase = Phase::Identify { asked: step };
-        self.push_own(command.as_bytes(), Kind::Quick)
-    }
-
-    fn push_job(&mut self, closing: Closing, now_ms: u64) -> bool {
-        if self.poll(now_ms) {
-            return true;
-        }
-        if self.pending.full {
-            return self.push_pending(now_ms);
-        }
-        match closing {
-            Closing::No => false,
-            Closing::Drained => {
-                self.phase = Phase::Job { closing: Closing::Settling };
-                self.proof_tries = 0;
-                self.push_own(b"M400", Kind::Long)
-            }
-            Closing::Settling => {
-                if !self.window.is_idle() {
-                    return false;
-                }
-                if self.prove() {
-                    return true;
-                }
-                self.end(Outcome::Finished);
-                false
-            }
-        }
-    }
-
-    /// Pushes an M105 unless the last lines are proved to be accepted (an `ok`
-    /// alone does not prove it). Call when nothing is in flight.
-    fn prove(&mut self) -> bool {
-        if self.answers.proved() || self.proof_tries >= PROOF_TRIES {
-            return false;
-        }
-        self.proof_tries += 1;
-        self.push_own(b"M105", Kind::AskTemperature)
-    }
-
-    /// Asks for temperatures where the firmware does not report them, in the
-    /// line's turn and within the window.
-    fn poll(&mut self, now_ms: u64) -> bool {
-        if self.printer.auto_report || now_ms < self.poll_ms {
-            return false;
-        }
-        self.poll_ms = now_ms + POLL_MS;
-        let len = framed_len(self.window.next(), 4) + 1;
-        let waits = self.window.in_flight().any(|tag| tag.kind != Kind::Quick);
-        if waits || !self.window.has_room(len) {
-            return false;
-        }
-        self.push_own(b"M105", Kind::AskTemperature)
-    }
-
-    fn push_pending(&mut self, now_ms: u64) -> bool {
-        let (n, job_line) = (self.window.next(), self.pending.job_line);
-        let fitted = match fit(n, &self.pending.command, self.settings.max_line) {
-            Ok(command) => command,
-            Err(_) if n > 1 => return self.renumber(now_ms),
-            Err(too_long) => {
-                self.fail(Failure::LineTooLong { job_line, framed_len: too_long.framed_len }, now_ms);
-                return false;
-            }
-        };
-        if !self.window.has_room(framed_len(n, fitted.len()) + 1) {
-            return false;
-        }
-        let kind = kind_of(fitted);
-        if !self.window.push(fitted, Tag { job_line, kind }) {
-            return self.renumber(now_ms);
-        }
-        self.answers.unproved();
-        self.proof_tries = 0;
-        self.pending.full = false;
-        self.touched = true;
-        true
-    }
-
-    /// Our own lines between the job's have made the numbers longer than the
-    /// check of the file foresaw (or they are used up): count from 0 again, once
-    /// all that was sent is proved to be accepted.
-    fn renumber(&mut self, now_ms: u64) -> bool {
-        if !self.window.is_idle() {
-            return false;
-        }
-        if self.prove() {
-            return true;
-        }
-        self.number(Then::Job, 0, now_ms);
-        false
-    }
-
-    /// Waits until nothing is in flight; ends a wait for heat if that is possible.
-    fn wind_down(&mut self, interrupt: bool, now_ms: u64) -> bool {
-        if self.window.is_idle() {
-            self.make_safe(now_ms);
-            return false;
-        }
-        if let Phase::WindDown { interrupt, .. } = &mut self.phase {
-            *interrupt = false;
-        }
-        let waits = |tag: Tag| matches!(tag.kind, Kind::Heat | Kind::User);
-        if interrupt && self.window.in_flight().any(waits) {
-            self.push_own(b"M108", Kind::Quick);
-            self.send_next(true, now_ms);
-        }
-        false
-    }
-
-    fn push_safe(&mut self, next: usize, until_ms: u64) -> bool {
-        let Some(line) = self.settings.cancel_macro.get(next) else {
-            if !self.window.is_idle() {
-                return false;
-            }
-            // An `ok` from before the failure must not pass for that of the line
-            // that switches the heaters off.
-            if self.prove() {
-                return true;
-            }
-            self.end_early(Safety::Acknowledged);
-            return false;
-        };
-        let n = self.window.next();
-        let mut scratch = Vec::new();
-        let command = sendable(line.as_bytes(), &mut scratch)
-            .and_then(|command| fit(n, command, self.settings.max_line).ok());
-        if let Some(command) = command {
-            if !self.window.has_room(framed_len(n, command.len()) + 1) {
-                return false;
-            }
-            self.answers.unproved();
-            self.window.push(command, own(kind_of(command)));
-        }
-        self.phase = Phase::Safe { next: next + 1, until_ms };
-        true
-    }
-
-    fn push_own(&mut self, command: &[u8], kind: Kind) -> bool {
-        self.answers.unproved();
-        self.window.push(command, own(kind))
     }
 }

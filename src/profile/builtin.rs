@@ -14,10 +14,35 @@ macro_rules! embed {
 }
 
 /// Name and text of each printer.
-pub(crate) const PRINTERS: &[(&str, &str)] = embed!("printers", ".toml", ["generic-marlin", "prusa-mk3s"]);
+pub(crate) const PRINTERS: &[(&str, &str)] = embed!(
+    "printers",
+    ".toml",
+    [
+        "anet-a8",
+        "anycubic-i3-mega",
+        "anycubic-kobra",
+        "anycubic-kossel-plus",
+        "cr-10",
+        "ender-3",
+        "ender-3-v2",
+        "ender-5",
+        "generic-marlin",
+        "lulzbot-taz-6",
+        "prusa-mini",
+        "prusa-mk3s",
+        "prusa-mk4",
+        "sidewinder-x1",
+        "sidewinder-x2",
+        "sovol-sv06",
+        "ultimaker-2",
+        "voron-0",
+        "voron-2.4-350"
+    ]
+);
 
 /// Name and text of each material.
-pub(crate) const MATERIALS: &[(&str, &str)] = embed!("materials", ".toml", ["pla"]);
+pub(crate) const MATERIALS: &[(&str, &str)] =
+    embed!("materials", ".toml", ["abs", "asa", "hips", "pa", "pc", "petg", "pla", "pp", "tpu"]);
 
 /// File name and text of each shared macro.
 pub(crate) const MACROS: &[(&str, &str)] = embed!(

@@ -8,10 +8,12 @@ use super::{Fault, Located};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// How far off a key may be (edits, transpositions counted as one) and still
-/// be offered as the right name: past a third of its letters it is another word.
+/// How far off a name may be (edits, transpositions counted as one) and still
+/// be offered as the right one: past a third of its letters it is another
+/// word, unless the one is a part of the other (`mk3s`, `baudrate`).
 fn close_enough(written: &str, right: &str) -> bool {
-    strsim::osa_distance(written, right) <= (written.chars().count().max(3)) / 3
+    let part = written.len() >= 3 && right.contains(written) || right.len() >= 3 && written.contains(right);
+    part || strsim::osa_distance(written, right) <= written.chars().count().max(3) / 3
 }
 
 /// The nearest of some names, if any is near at all.
@@ -214,7 +216,11 @@ mod tests {
         check("name='a'\nsize_mm=1", 0, "");
         check("name='a'\nsize_mm=0.5\nkind='fdm'", 0, "");
         check("name='a'\n\nnmae='b'", 3, "did you mean name?");
-        check("name='a'\n[serial]\nbaudrate=5\nbaud=5", 3, "unknown key serial.baudrate");
+        check(
+            "name='a'\n[serial]\nbaudrate=5\nbaud=5",
+            3,
+            "unknown key serial.baudrate; did you mean serial.baud?",
+        );
         check("name='a'\n[serial]\nboud=5", 3, "did you mean serial.baud?");
         check("name='a'\nbaud=5", 2, "did you mean serial.baud?");
         check("name='a'\nzzzzzz=5", 2, "unknown key zzzzzz");

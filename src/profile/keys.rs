@@ -126,7 +126,11 @@ pub const PRINTER: &[Key] = &[
     key("motion.max_accel_mm_s2.z", Number(1.0, 1e5), "Z, mm/s²"),
     key("motion.max_accel_mm_s2.e", Number(1.0, 1e5), "Extruder, mm/s²"),
     key("macros", Table, "Commands that the host sends around a job, on top of the file's own"),
-    optional("macros.start", Macro, "Before the file's first line"),
+    optional(
+        "macros.start",
+        Macro,
+        "Before the file's first line (`M85 S3600` here makes Marlin itself give up after an hour without a command, as from a host that died)",
+    ),
     optional("macros.end", Macro, "After the file's last line"),
     optional(
         "macros.pause",

@@ -73,8 +73,10 @@ impl Cover {
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let length = (dx * dx + dy * dy).sqrt();
         let (nx, ny) = if length > 0.0 { (-dy / length * reach, dx / length * reach) } else { (0.0, 0.0) };
-        let band =
-            [[a[0] + nx, a[1] + ny], [b[0] + nx, b[1] + ny], [b[0] - nx, b[1] - ny], [a[0] - nx, a[1] - ny]];
+        // The band's long sides, parallel: from above each of the ends to above the
+        // other. Its short sides lie within the discs.
+        let slope = dx / dy;
+        let sides = [[a[0] + nx, a[1] + ny], [a[0] - nx, a[1] - ny]];
         let first = -floor(0.5 - (a[1].min(b[1]) - reach) / CELL_MM);
         let last = floor((a[1].max(b[1]) + reach) / CELL_MM - 0.5);
         for row in first..=last {
@@ -87,10 +89,10 @@ impl Cover {
                     span(p[0] - half.sqrt(), p[0] + half.sqrt());
                 }
             }
-            for k in 0..4 {
-                let (p, q) = (band[k], band[(k + 1) % 4]);
-                if (p[1] <= y) != (q[1] <= y) {
-                    let x = p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]);
+            for [x, from_y] in sides {
+                let to_y = from_y + dy;
+                if (from_y <= y) != (to_y <= y) {
+                    let x = x + (y - from_y) * slope;
                     span(x, x);
                 }
             }

@@ -46,7 +46,7 @@ impl Limit {
 
 /// Neighbours kept of each bead end. A step of a tour mostly finds one of them
 /// unprinted; else all the beads are searched.
-const NEIGHBOURS: usize = 10;
+const NEIGHBOURS: usize = 8;
 
 /// For each bead end the nearest ends of other beads, found once for all the tours of a section.
 pub struct Near {
@@ -64,31 +64,74 @@ fn point_of(end: u32, beads: &[Bead]) -> Point {
     beads[(end / 2) as usize].ends[(end % 2) as usize]
 }
 
+/// Squared distance, mm², and end.
+type Neighbour = (f64, u32);
+
+fn longer_axis(beads: &[Bead]) -> usize {
+    let span = |axis: usize| {
+        let ends = beads.iter().flat_map(|b| b.ends).map(|p| p[axis]);
+        ends.clone().fold(f64::NEG_INFINITY, f64::max) - ends.fold(f64::INFINITY, f64::min)
+    };
+    usize::from(span(1) > span(0))
+}
+
+/// The nearest ends of other beads to the end at `from`, among all, sorted along an axis.
+fn nearest_of(sorted: &[(f64, f64, u32)], from: usize) -> [Neighbour; NEIGHBOURS] {
+    let (x, y, end) = sorted[from];
+    let mut list = [(f64::INFINITY, NO_END); NEIGHBOURS];
+    // False when everything further on is further away than what is listed.
+    let mut take = |&(other_x, other_y, other): &(f64, f64, u32)| {
+        let (dx, dy) = (other_x - x, other_y - y);
+        let last = list[NEIGHBOURS - 1];
+        if dx * dx > last.0 {
+            return false;
+        }
+        let new = (dx * dx + dy * dy, other);
+        if new < last && other / 2 != end / 2 {
+            let mut place = NEIGHBOURS - 1;
+            while place > 0 && new < list[place - 1] {
+                list[place] = list[place - 1];
+                place -= 1;
+            }
+            list[place] = new;
+        }
+        true
+    };
+    let (mut left, mut right) = (sorted[..from].iter().rev(), sorted[from + 1..].iter());
+    let (mut more_left, mut more_right) = (true, true);
+    while more_left || more_right {
+        more_left = more_left && left.next().is_some_and(&mut take);
+        more_right = more_right && right.next().is_some_and(&mut take);
+    }
+    list
+}
+
 impl Near {
-    /// Looks at every pair of ends.
+    /// Goes out from each end along the axis in which the ends lie furthest apart,
+    /// until what is left is further away along that axis alone.
     #[must_use]
     pub fn new(beads: &[Bead]) -> Near {
-        let ends = 2 * beads.len() as u32;
-        let mut near = Near { lists: Vec::with_capacity(ends as usize), least_mm: Vec::new() };
-        for end in 0..ends {
-            let at = point_of(end, beads);
-            let mut list = [(f64::INFINITY, NO_END); NEIGHBOURS];
-            for other in (0..ends).filter(|o| o / 2 != end / 2) {
-                let p = point_of(other, beads);
-                let squared = (p[0] - at[0]) * (p[0] - at[0]) + (p[1] - at[1]) * (p[1] - at[1]);
-                // Ends come in order, so a tie stays behind the lower end.
-                if squared < list[NEIGHBOURS - 1].0 {
-                    let place = list.partition_point(|n| n.0 <= squared);
-                    list.copy_within(place..NEIGHBOURS - 1, place + 1);
-                    list[place] = (squared, other);
-                }
-            }
-            near.lists.push(list.map(|n| n.1));
-            let least = if list[0].1 == NO_END { 0.0 } else { list[0].0.sqrt() };
-            match end % 2 {
-                0 => near.least_mm.push(least),
-                _ => near.least_mm[(end / 2) as usize] = near.least_mm[(end / 2) as usize].min(least),
-            }
+        let count = 2 * beads.len() as u32;
+        let axis = longer_axis(beads);
+        // Side by side in the order of the axis: place along it and across, and which end.
+        let mut sorted: Vec<(f64, f64, u32)> = (0..count)
+            .map(|end| {
+                let p = point_of(end, beads);
+                (p[axis], p[1 - axis], end)
+            })
+            .collect();
+        sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+        let mut near = Near {
+            lists: vec![[NO_END; NEIGHBOURS]; count as usize],
+            least_mm: vec![f64::INFINITY; beads.len()],
+        };
+        for k in 0..sorted.len() {
+            let end = sorted[k].2;
+            let list = nearest_of(&sorted, k);
+            near.lists[end as usize] = list.map(|n| n.1);
+            let least_mm = if list[0].1 == NO_END { 0.0 } else { list[0].0.sqrt() };
+            let least = &mut near.least_mm[(end / 2) as usize];
+            *least = least.min(least_mm);
         }
         near
     }

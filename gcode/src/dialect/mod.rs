@@ -196,10 +196,11 @@ pub fn detect(beginning: &[u8]) -> Detection {
     let mut signed = None;
     let mut layered = None;
     for bytes in split_lines(beginning) {
-        let line = parse(bytes);
-        if line.comment.is_empty() {
+        // Only comments tell; most of a megabyte of moves need not be parsed.
+        if memchr::memchr(b';', bytes).is_none() {
             continue;
         }
+        let line = parse(bytes);
         if signed.is_none() {
             signed = Dialect::ALL.into_iter().find(|d| d.signed(&line));
         }

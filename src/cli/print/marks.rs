@@ -39,7 +39,7 @@ fn mark(line: &[u8]) -> Option<Mark> {
     // The first byte decides for nearly every line.
     match line.trim_ascii_start() {
         [b';', comment @ ..] => comment_mark(comment.trim_ascii()),
-        [b'M', b'7', b'3', rest @ ..] => remaining(rest),
+        [b'M', b'7', b'3', rest @ ..] if !rest.first().is_some_and(u8::is_ascii_digit) => remaining(rest),
         _ => None,
     }
 }

@@ -62,7 +62,7 @@ impl Show {
         speed: f64,
     ) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(checked.lines);
+            let bar = ProgressBar::new(checked.last_command);
             let style = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {msg}");
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
@@ -102,7 +102,11 @@ impl Show {
 
     /// One line on standard output: what was printed and how it went.
     pub(super) fn summary(&self, name: &str) {
-        let took = duration(self.started.elapsed().as_secs_f64());
+        let took_s = self.started.elapsed().as_secs_f64();
+        let took = match took_s < 60.0 {
+            true => format!("{took_s:.1} s"),
+            false => duration(took_s),
+        };
         let (commands, resends) = (self.checked.commands, self.resends);
         let line = format!("{name}: printed, {commands} commands in {took}, {resends} resends");
         let _ = writeln!(std::io::stdout(), "{line}");
@@ -151,7 +155,7 @@ impl Show {
     }
 
     fn fraction(&self) -> f64 {
-        self.line as f64 / self.checked.lines.max(1) as f64
+        self.line as f64 / self.checked.last_command.max(1) as f64
     }
 
     /// How long the rest takes: at the pace so far once that tells, by the
@@ -278,11 +282,8 @@ fn reading(name: &str, heater: Option<Reading>) -> Option<String> {
     })
 }
 
-/// `1 h 02 min`, `2 min 03 s`, `4.9 s`.
+/// `1 h 02 min`, `2 min 03 s`, `4 s`.
 fn duration(seconds: f64) -> String {
-    if (0.0..10.0).contains(&seconds) {
-        return format!("{seconds:.1} s");
-    }
     // A float cast saturates: no estimate is too wild.
     let s = seconds.max(0.0) as u64;
     match (s / 3600, s / 60 % 60, s % 60) {
@@ -299,7 +300,7 @@ mod tests {
     #[test]
     fn durations() {
         let check = |s, expect: &str| assert_eq!(duration(s), expect);
-        check(4.9, "4.9 s");
+        check(4.9, "4 s");
         check(14.9, "14 s");
         check(123.0, "2 min 03 s");
         check(3720.0, "1 h 02 min");

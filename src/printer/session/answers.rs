@@ -236,13 +236,15 @@ impl Session {
         self.answers.odd_requests += 1;
         let tries = self.answers.odd_requests;
         match self.phase {
+            // M110 did not arrive although something was acknowledged; that it is
+            // tried only so often, `number` sees to.
+            Phase::Identify { .. } if self.touched => self.number(Then::Job, tries, now_ms),
+            Phase::Identify { .. } => self.number(Then::Identify, tries, now_ms),
+            Phase::Safe { until_ms, .. } => self.number(Then::Safe { until_ms }, tries, now_ms),
             _ if tries >= MAX_ODD_REQUESTS => {
                 let (first, last) = (self.window.first(), self.window.next() - 1);
                 self.fail(Failure::OddRequest { n, first, last }, now_ms);
             }
-            // M110 did not arrive although something was acknowledged.
-            Phase::Identify { .. } => self.number(Then::Identify, tries, now_ms),
-            Phase::Safe { until_ms, .. } => self.number(Then::Safe { until_ms }, tries, now_ms),
             _ => {}
         }
     }
@@ -277,7 +279,7 @@ impl Session {
                 self.phase = Phase::Boot { speak_ms, latest_ms: latest_ms.max(speak_ms) };
             }
             // It boots while we ask: what was sent before is lost.
-            Phase::Numbering { then: Then::Identify, .. } | Phase::Identify { .. } => {
+            Phase::Numbering { then: Then::Identify, .. } | Phase::Identify { .. } if !self.touched => {
                 self.window.reset();
                 self.answers.forget_drain();
                 self.phase =

@@ -119,6 +119,8 @@ impl Session {
         if self.stall_ms().is_none_or(|at| now_ms < at) {
             return;
         }
+        // Half a reply that old will not be finished; it would spoil the next.
+        self.splitter.forget();
         if self.probe_was_answered(now_ms) {
             return;
         }

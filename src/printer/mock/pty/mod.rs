@@ -5,23 +5,24 @@
 //! has something due; it never spins. The thread keeps the slave side open
 //! itself, so that its raw mode outlives the host's closing it, and learns
 //! from inotify when a host opens it: that is the rising DTR of a real port.
+use super::config::Config;
 use super::faults::Faults;
-use super::firmware::{Config, Firmware};
+use super::firmware::Firmware;
 use super::stats::Stats;
+use device::Device;
+use link::Link;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fs::{Mode, OFlags, inotify};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{self, OptionalActions, QueueSelector};
 use std::fs;
 use std::io::{self, Write};
-use std::mem::MaybeUninit;
-use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+
+mod device;
+mod link;
 
 /// Between two writes of the statistics file.
 const STATS_EVERY: Duration = Duration::from_secs(1);
@@ -166,166 +167,6 @@ pub fn spawn(options: Options) -> Result<Handle, MockError> {
         .spawn(move || server.run())
         .map_err(|_| MockError::Thread)?;
     Ok(Handle { path, board, started, wake, thread: Some(thread) })
-}
-
-/// Both sides of the terminal, and the watch on its being opened.
-#[derive(Debug)]
-struct Device {
-    master: OwnedFd,
-    slave: OwnedFd,
-    watch: OwnedFd,
-    path: PathBuf,
-    opens: u32,
-}
-
-impl Device {
-    fn open() -> Result<Self, MockError> {
-        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
-        let master = openpt(flags).map_err(|e| terminal("open", e))?;
-        grantpt(&master).map_err(|e| terminal("grant", e))?;
-        unlockpt(&master).map_err(|e| terminal("unlock", e))?;
-        let name = ptsname(&master, Vec::new()).map_err(|e| terminal("name", e))?;
-        let path = PathBuf::from(name.to_string_lossy().into_owned());
-        let slave_flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
-        let slave =
-            rustix::fs::open(&path, slave_flags, Mode::empty()).map_err(|e| terminal("open the slave", e))?;
-        rustix::io::ioctl_fionbio(&master, true).map_err(|e| terminal("non-blocking", e))?;
-        let watch = inotify::init(inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK)
-            .map_err(|e| terminal("inotify", e))?;
-        let events =
-            inotify::WatchFlags::OPEN | inotify::WatchFlags::CLOSE_WRITE | inotify::WatchFlags::CLOSE_NOWRITE;
-        inotify::add_watch(&watch, &path, events).map_err(|e| terminal("watch", e))?;
-        let device = Self { master, slave, watch, path, opens: 0 };
-        device.make_raw()?;
-        Ok(device)
-    }
-
-    fn make_raw(&self) -> Result<(), MockError> {
-        let mut modes = termios::tcgetattr(&self.slave).map_err(|e| terminal("modes", e))?;
-        modes.make_raw();
-        termios::tcsetattr(&self.slave, OptionalActions::Now, &modes).map_err(|e| terminal("raw mode", e))
-    }
-
-    /// Reads who opened and closed the port since the last call; true when a
-    /// host opened it that was not open before.
-    fn connected(&mut self) -> Result<bool, MockError> {
-        let mut buffer = [MaybeUninit::uninit(); 512];
-        let mut new = false;
-        let mut reader = inotify::Reader::new(self.watch.as_fd(), &mut buffer);
-        let mut closed = false;
-        loop {
-            match reader.next() {
-                Ok(event) if event.events().contains(inotify::ReadFlags::OPEN) => {
-                    self.opens += 1;
-                    new |= self.opens == 1;
-                }
-                Ok(_) => {
-                    self.opens = self.opens.saturating_sub(1);
-                    closed |= self.opens == 0;
-                }
-                Err(rustix::io::Errno::AGAIN) => break,
-                Err(rustix::io::Errno::INTR) => {}
-                Err(e) => return Err(terminal("watch", e)),
-            }
-        }
-        if closed || new {
-            // What the last host did not read is not for the next one. A lock
-            // that a host left (TIOCEXCL) goes with the host, as on a port
-            // that is closed for good; so do the modes it set.
-            let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
-        }
-        if closed {
-            let _ = termios::ioctl_tiocnxcl(&self.slave);
-            self.make_raw()?;
-        }
-        Ok(new)
-    }
-
-    fn read(&self, buffer: &mut [u8]) -> Result<usize, MockError> {
-        match rustix::io::read(&self.master, buffer) {
-            Ok(bytes) => Ok(bytes),
-            Err(rustix::io::Errno::AGAIN | rustix::io::Errno::INTR) => Ok(0),
-            Err(e) => Err(terminal("read", e)),
-        }
-    }
-
-    /// Writes what the terminal takes now and removes it from `bytes`.
-    fn write(&self, bytes: &mut Vec<u8>) -> Result<(), MockError> {
-        while !bytes.is_empty() {
-            match rustix::io::write(&self.master, bytes) {
-                Ok(written) => drop(bytes.drain(..written)),
-                Err(rustix::io::Errno::INTR) => {}
-                Err(rustix::io::Errno::AGAIN) => break,
-                Err(e) => return Err(terminal("write", e)),
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The name under which hosts find the terminal.
-#[derive(Debug)]
-struct Link {
-    path: PathBuf,
-    target: Option<PathBuf>,
-    /// Where a link without a name of its own lives.
-    _folder: Option<tempfile::TempDir>,
-}
-
-impl Link {
-    fn new(path: Option<PathBuf>, target: &Path) -> Result<Self, MockError> {
-        let (path, folder) = match path {
-            Some(path) => (path, None),
-            None => {
-                let folder = tempfile::Builder::new()
-                    .prefix("outrigger-mock-")
-                    .tempdir()
-                    .map_err(|e| terminal("temporary folder", e))?;
-                (folder.path().join("tty"), Some(folder))
-            }
-        };
-        let mut link = Self { path, target: None, _folder: folder };
-        link.point_to(target)?;
-        Ok(link)
-    }
-
-    /// Makes the link or turns it, in one step.
-    fn point_to(&mut self, target: &Path) -> Result<(), MockError> {
-        let failed = |source| MockError::Link { path: self.path.clone(), source };
-        if let Ok(there) = fs::symlink_metadata(&self.path) {
-            // A mock that was killed leaves its link; anything else is not ours.
-            let stale =
-                there.is_symlink() && fs::read_link(&self.path).is_ok_and(|to| to.starts_with("/dev/pts"));
-            if !stale {
-                return Err(MockError::LinkTaken { path: self.path.clone() });
-            }
-        }
-        let mut name = self.path.file_name().unwrap_or_default().to_owned();
-        name.push(format!(".{}.new", std::process::id()));
-        let new = self.path.with_file_name(name);
-        std::os::unix::fs::symlink(target, &new).map_err(failed)?;
-        if let Err(e) = fs::rename(&new, &self.path) {
-            let _ = fs::remove_file(&new);
-            return Err(failed(e));
-        }
-        self.target = Some(target.to_owned());
-        Ok(())
-    }
-
-    /// Removes the link if it is still ours.
-    fn remove(&mut self) {
-        if let Some(target) = self.target.take()
-            && fs::read_link(&self.path).is_ok_and(|to| to == target)
-        {
-            let _ = fs::remove_file(&self.path);
-        }
-    }
-}
-
-impl Drop for Link {
-    fn drop(&mut self) {
-        self.remove();
-    }
 }
 
 /// What the thread owns.

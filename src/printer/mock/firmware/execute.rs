@@ -4,10 +4,13 @@
 //! with arcs, inches, firmware retraction, host prompts and temperature
 //! reports built in; a few that only set something up are taken and do
 //! nothing; the rest is unknown.
-use super::firmware::{After, Firmware, HEAT_REPORT_NS, Heat, Wait};
-use super::heater::Heater;
-use super::report;
-use super::words::Command;
+use super::super::heater::Heater;
+use super::super::line::trim_start;
+use super::super::planner::Cornering;
+use super::super::report;
+use super::super::words::Command;
+use super::Firmware;
+use super::wait::{After, HEAT_REPORT_NS, Heat, Wait};
 
 /// Marlin's EXTRUDE_MINTEMP.
 const EXTRUDE_MIN_C: f64 = 170.0;
@@ -43,7 +46,7 @@ const TAKEN: &[(u8, &[u32])] = &[
 
 impl Firmware {
     /// Executes the command at the head of the queue, or begins to.
-    pub(crate) fn execute(&mut self) {
+    pub(super) fn execute(&mut self) {
         let Some(number) = self.queue.front().map(|head| head.number) else {
             return;
         };
@@ -251,11 +254,11 @@ impl Firmware {
             match text {
                 [b'A', b'1', rest @ ..] => {
                     out.extend(b"//");
-                    text = super::line::trim_start(rest);
+                    text = trim_start(rest);
                 }
                 [b'E', b'1', rest @ ..] => {
                     out.extend(b"echo:");
-                    text = super::line::trim_start(rest);
+                    text = trim_start(rest);
                 }
                 _ => break,
             }
@@ -266,7 +269,6 @@ impl Firmware {
     }
 
     fn set_dynamics(&mut self, command: &Command<'_>) {
-        use super::planner::Cornering;
         let dynamics = &mut self.planner.dynamics;
         let positive = |letter| command.value(letter).filter(|v| *v > 0.0);
         match command.code {
@@ -302,7 +304,7 @@ impl Firmware {
     }
 
     /// How long homing these axes takes, s of the machine's time.
-    pub(crate) fn homing_s(&self, axes: [bool; 3]) -> f64 {
+    pub(super) fn homing_s(&self, axes: [bool; 3]) -> f64 {
         let speeds = [HOME_XY_MM_S, HOME_XY_MM_S, HOME_Z_MM_S];
         (0..3)
             .filter(|&axis| axes[axis])

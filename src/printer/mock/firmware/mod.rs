@@ -1,0 +1,350 @@
+//! The board: bytes and the time in, bytes and counts out.
+//!
+//! Marlin's main loop on a clock that is given from outside: bytes arrive at
+//! the line's speed, are read into lines while the command queue has room,
+//! are judged, queued and executed one after the other; moves run in the
+//! planner meanwhile. Time is in nanoseconds since power-on; the mechanics
+//! (moves, heat, dwelling) run [`Config::speed`] times faster than it, the
+//! serial line and the reports do not. Does no I/O, owns no clock.
+//!
+//! # Layout
+//! Here the state, the clock and the main loop · `intake` from bytes to the
+//! queue · `execute` what commands do · `wait` what they wait for · `power`
+//! starting, halting, faults.
+use super::config::Config;
+use super::emergency::EmergencyParser;
+use super::faults::Faults;
+use super::heater::{self, Heater};
+use super::line::{LineBuffer, Numbering};
+use super::motion::Motion;
+use super::planner::Planner;
+use super::report;
+use super::stats::{Digest, Stats};
+use super::uart::Uart;
+use std::collections::VecDeque;
+use wait::Wait;
+
+mod execute;
+mod intake;
+mod power;
+mod wait;
+
+/// Marlin's BUFSIZE: commands in the queue, the one being executed included.
+const BUFSIZE: usize = 4;
+
+/// Marlin's DEFAULT_KEEPALIVE_INTERVAL.
+const BUSY_S: f64 = 2.0;
+
+#[derive(Debug)]
+pub(super) struct Queued {
+    line: Vec<u8>,
+    number: Option<i64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Power {
+    /// Starting until then; what comes meanwhile is lost.
+    Booting(u64),
+    Running,
+    /// After `kill()`: only a reset helps.
+    Halted,
+}
+
+/// The board.
+#[derive(Debug)]
+pub struct Firmware {
+    config: Config,
+    faults: Faults,
+    uart: Uart,
+    emergency: EmergencyParser,
+    line: LineBuffer,
+    numbering: Numbering,
+    pub(super) queue: VecDeque<Queued>,
+    wait: Option<(Wait, u64)>,
+    pub(super) planner: Planner,
+    motion: Motion,
+    nozzle: Heater,
+    bed: Heater,
+    fan: u8,
+    cold_extrusion_allowed: bool,
+    now_ns: u64,
+    power: Power,
+    boot_cause: &'static str,
+    hung_until_ns: u64,
+    /// M155: interval and next time.
+    auto_report: Option<(u64, u64)>,
+    /// M113: interval, 0 for never.
+    busy_every_ns: u64,
+    busy_next_ns: u64,
+    /// M85: interval.
+    inactive_max_ns: Option<u64>,
+    last_command_ns: u64,
+    /// The next resend request lacks its `ok`.
+    resend_without_ok: bool,
+    hang_up_ns: Option<u64>,
+    /// Highest number in this numbering.
+    highest: i64,
+    digest: Digest,
+    counts: Stats,
+}
+
+impl Firmware {
+    /// A board at time 0: one that opening the port resets is just switched
+    /// on and hears nothing yet; another has been on for
+    /// long, so that a host that opens the port hears no `start`.
+    pub fn new(config: Config, faults: Faults) -> Self {
+        let mut board = Self {
+            uart: Uart::new(config.baud, config.rx_bytes),
+            planner: Planner::new(config.machine.dynamics, config.speed),
+            faults,
+            emergency: EmergencyParser::default(),
+            line: LineBuffer::default(),
+            numbering: Numbering::default(),
+            queue: VecDeque::with_capacity(BUFSIZE),
+            wait: None,
+            motion: Motion::default(),
+            nozzle: Heater::new(heater::NOZZLE),
+            bed: Heater::new(heater::BED),
+            fan: 0,
+            cold_extrusion_allowed: false,
+            now_ns: 0,
+            power: Power::Running,
+            boot_cause: "",
+            hung_until_ns: 0,
+            auto_report: None,
+            busy_every_ns: (BUSY_S * 1e9) as u64,
+            busy_next_ns: 0,
+            inactive_max_ns: None,
+            last_command_ns: 0,
+            resend_without_ok: false,
+            hang_up_ns: None,
+            highest: 0,
+            digest: Digest::default(),
+            counts: Stats { boots: 1, ..Stats::default() },
+            config,
+        };
+        if board.config.dtr_reset {
+            board.counts.boots = 0;
+            board.boot("PowerUp");
+        }
+        board
+    }
+
+    /// How many bytes [`Self::receive`] takes now.
+    pub fn room(&self) -> usize {
+        self.uart.room()
+    }
+
+    /// The host wrote these bytes now, no more than [`Self::room`].
+    pub fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
+        self.advance(now_ns);
+        self.uart.write(self.now_ns, bytes);
+        self.advance(now_ns);
+    }
+
+    /// The host opened the port (raised DTR).
+    pub fn connect(&mut self, now_ns: u64) {
+        self.advance(now_ns);
+        self.counts.connects += 1;
+        if self.config.dtr_reset {
+            self.boot(" External Reset");
+        }
+    }
+
+    /// Appends the reply bytes that are out by now.
+    pub fn take_output(&mut self, to: &mut Vec<u8>) {
+        self.uart.take_output(self.now_ns, to);
+    }
+
+    /// A scripted fault wants the serial device gone for so long, ns.
+    pub fn take_hang_up(&mut self) -> Option<u64> {
+        self.hang_up_ns.take()
+    }
+
+    /// Runs everything that happens up to now.
+    pub fn advance(&mut self, now_ns: u64) {
+        while let Some(at_ns) = self.next_event_ns().filter(|at| *at <= now_ns) {
+            self.now_ns = self.now_ns.max(at_ns);
+            self.step();
+        }
+        self.now_ns = self.now_ns.max(now_ns);
+    }
+
+    /// When [`Self::advance`] next has something that the host can see, or
+    /// that makes room; `None` until bytes come.
+    pub fn deadline_ns(&self) -> Option<u64> {
+        let for_moves = matches!(self.wait, Some((Wait::Room(_) | Wait::Drain(_), _)));
+        [
+            self.uart.next_line_ns(),
+            self.uart.next_output_ns(),
+            for_moves.then(|| self.planner.next_end_ns()).flatten(),
+            self.own_event_ns(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    fn next_event_ns(&self) -> Option<u64> {
+        [self.uart.next_arrival_ns(), self.planner.next_end_ns(), self.own_event_ns()]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    /// Events of the board itself: not bytes, not moves.
+    fn own_event_ns(&self) -> Option<u64> {
+        let fault = self.faults.next_event_ns();
+        let own = match self.power {
+            Power::Booting(until_ns) => Some(until_ns),
+            Power::Halted => None,
+            Power::Running => {
+                let waits = self.wait.as_ref().and_then(|(wait, _)| match wait {
+                    Wait::Until(at) => Some(*at),
+                    Wait::Heat(heat) => Some(heat.done_ns.min(heat.report_ns)),
+                    Wait::User(at) => *at,
+                    Wait::Room(_) | Wait::Drain(_) => None,
+                });
+                let busy = (self.wait.is_some() && self.busy_every_ns > 0).then_some(self.busy_next_ns);
+                // Work that waits for the transmitter.
+                let work = !self.uart.rx_is_empty() && self.queue.len() < BUFSIZE
+                    || !self.queue.is_empty() && self.wait.is_none();
+                let ready = work.then(|| self.uart.tx_free_ns().max(self.now_ns));
+                let inactive = self.inactive_at_ns();
+                let report = self.auto_report.map(|(_, next)| next);
+                [waits, busy, ready, inactive, report]
+                    .into_iter()
+                    .flatten()
+                    .min()
+                    .map(|at| at.max(self.hung_until_ns).max(self.uart.tx_free_ns()))
+            }
+        };
+        [own, fault].into_iter().flatten().min()
+    }
+
+    /// Everything that happens at `now_ns`.
+    fn step(&mut self) {
+        while let Some(fault) = self.faults.event_at_time(self.now_ns) {
+            self.happen(fault);
+        }
+        if let Power::Booting(until_ns) = self.power
+            && until_ns <= self.now_ns
+        {
+            self.power = Power::Running;
+            self.last_command_ns = self.now_ns;
+            let text = report::boot(self.boot_cause);
+            self.say(text.as_bytes());
+        }
+        while self.planner.next_end_ns().is_some_and(|at| at <= self.now_ns) {
+            self.planner.end_move(self.now_ns);
+        }
+        while self.uart.next_arrival_ns().is_some_and(|at| at <= self.now_ns) {
+            self.arrive();
+        }
+        if self.can_run() {
+            self.timers();
+            self.main_loop();
+        }
+    }
+
+    fn can_run(&self) -> bool {
+        self.power == Power::Running
+            && self.now_ns >= self.hung_until_ns
+            && self.now_ns >= self.uart.tx_free_ns()
+    }
+
+    /// Reads lines while the queue has room, then executes one command; over
+    /// again until neither goes on.
+    fn main_loop(&mut self) {
+        while self.can_run() {
+            let mut progress = self.read_lines();
+            if self.wait.is_some() {
+                progress |= self.go_on();
+            } else if self.can_run() && !self.queue.is_empty() {
+                self.execute();
+                progress = true;
+            }
+            if !progress {
+                return;
+            }
+        }
+    }
+
+    /// Takes the executed command from the queue.
+    pub(crate) fn pop(&mut self) {
+        self.queue.pop_front();
+        self.last_command_ns = self.now_ns;
+    }
+
+    /// The `ok` of the command at the head of the queue; `more` follows it.
+    pub(crate) fn reply_ok(&mut self, more: &str) {
+        let Some(head) = self.queue.front() else {
+            return;
+        };
+        let number = head.number;
+        let mut ok = b"ok".to_vec();
+        if more.is_empty() && self.config.advanced_ok {
+            let free = (self.planner.free(), BUFSIZE - self.queue.len());
+            report::advanced_ok(&mut ok, &head.line, free);
+        }
+        ok.extend(more.bytes());
+        ok.push(b'\n');
+        self.faults.reply(number, &mut ok);
+        self.say(&ok);
+    }
+
+    fn say(&mut self, bytes: &[u8]) {
+        if self.power == Power::Running {
+            self.uart.send(self.now_ns, bytes);
+        }
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    /// The machine's own time, s.
+    fn simulated_s(&self) -> f64 {
+        self.now_ns as f64 / 1e9 * self.config.speed
+    }
+
+    /// How long something of the machine takes on the clock, ns.
+    fn scaled_ns(&self, seconds: f64) -> u64 {
+        (seconds.max(0.0) * 1e9 / self.config.speed) as u64
+    }
+
+    fn temperatures(&self) -> String {
+        report::temperatures(&self.nozzle, &self.bed, self.simulated_s())
+    }
+
+    /// The counts as of the last [`Self::advance`].
+    pub fn stats(&self) -> Stats {
+        let now_s = self.simulated_s();
+        let seconds = |ns: u64| ns as f64 / 1e9;
+        let (empty, moving) = (self.planner.empty_ns, self.planner.moving_ns);
+        let running_on = self.planner.next_end_ns().map_or(0, |end| end.saturating_sub(self.now_ns));
+        let moved = moving.saturating_sub(running_on);
+        Stats {
+            overflow_bytes: self.uart.overflow_bytes,
+            unread_bytes: self.uart.unread_bytes,
+            rx_bytes_most: self.uart.rx_bytes_most,
+            moves: self.planner.moves,
+            planner_empty_share: if empty + moved == 0 { 0.0 } else { empty as f64 / (empty + moved) as f64 },
+            planner_empty_s: seconds(empty),
+            moving_s: seconds(moved),
+            planner_gaps: self.planner.gaps,
+            planner_most: self.planner.planned_most,
+            digest: self.digest.hex(),
+            digest_lines: self.digest.lines(),
+            real_s: seconds(self.now_ns),
+            simulated_s: now_s,
+            nozzle_c: self.nozzle.temperature_c(now_s),
+            nozzle_target_c: self.nozzle.target_c(),
+            bed_c: self.bed.temperature_c(now_s),
+            bed_target_c: self.bed.target_c(),
+            fan: self.fan,
+            position_mm: [self.motion.at_mm[0], self.motion.at_mm[1], self.motion.at_mm[2]],
+            ..self.counts.clone()
+        }
+    }
+}

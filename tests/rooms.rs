@@ -1,0 +1,121 @@
+//! The import rules of ARCHITECTURE.md, read from the sources.
+//!
+//! A room is a folder or file of `src/`. A rule says which rooms a room may name
+//! with `crate::`; what stands in `#[cfg(test)]` counts too. Names of outside
+//! systems (serial ports, polygon libraries …) are held in one place likewise.
+use std::path::{Path, PathBuf};
+
+/// A room, and the rooms that it may import.
+const RULES: &[(&str, &[&str])] = &[
+    ("units.rs", &[]),
+    ("toolpath", &["units"]),
+    ("profile", &["units"]),
+    ("printer", &["units"]),
+    ("post", &["toolpath", "units"]),
+    ("report", &["post", "toolpath", "units"]),
+];
+
+/// A crate or module of the outside, and the only places that may name it.
+const ONLY: &[(&str, &[&str])] = &[
+    ("serialport", &["src/printer/port.rs"]),
+    ("tokio_serial", &["src/printer/port.rs"]),
+    ("indicatif", &["src/cli/"]),
+    ("clap", &["src/cli/"]),
+    ("std::fs", &["src/cli/", "src/printer/", "src/profile"]),
+    ("std::time::Instant", &["src/cli/", "src/printer/port.rs", "src/printer/drive.rs", "src/printer/mock/"]),
+];
+
+fn sources() -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    let mut folders: Vec<PathBuf> = vec![root.join("src"), root.join("gcode/src")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder of sources") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let name = path.strip_prefix(root).expect("inside").to_string_lossy().into_owned();
+                found.push((name, std::fs::read_to_string(&path).expect("a source")));
+            }
+        }
+    }
+    assert!(found.len() > 40, "the sources are where this test looks for them");
+    found
+}
+
+/// The code of a line, without its comment.
+fn code(line: &str) -> &str {
+    line.split("//").next().unwrap_or_default()
+}
+
+/// The rooms that a file names: `crate::post::…`, `use crate::{post, …}` is not used here.
+fn rooms_named(text: &str) -> Vec<(usize, String)> {
+    let mut rooms = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        for rest in code(line).split("crate::").skip(1) {
+            let room: String = rest.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '_').collect();
+            rooms.push((number + 1, room));
+        }
+    }
+    rooms
+}
+
+#[test]
+fn rooms_import_only_what_they_may() {
+    let mut broken = Vec::new();
+    for (name, text) in sources() {
+        let Some(within) = name.strip_prefix("src/") else { continue };
+        let room = within.split('/').next().unwrap_or_default();
+        let Some((own, allowed)) =
+            RULES.iter().find(|(r, _)| r.trim_end_matches(".rs") == room.trim_end_matches(".rs"))
+        else {
+            assert!(["cli", "lib.rs", "main.rs"].contains(&room), "{name}: no rule for this room");
+            continue;
+        };
+        for (line, named) in rooms_named(&text) {
+            if named != own.trim_end_matches(".rs") && !allowed.contains(&named.as_str()) {
+                broken.push(format!("{name}:{line} names {named}"));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+}
+
+#[test]
+fn the_language_knows_nothing_of_ours() {
+    for (name, text) in sources() {
+        if name.starts_with("gcode/") {
+            assert!(!text.lines().any(|l| code(l).contains("outrigger::")), "{name}");
+        }
+    }
+}
+
+#[test]
+fn outside_systems_are_named_in_one_place() {
+    let mut broken = Vec::new();
+    for (name, text) in sources() {
+        for (system, places) in ONLY {
+            if places.iter().any(|place| name.starts_with(place)) {
+                continue;
+            }
+            for (number, line) in text.lines().enumerate() {
+                if code(line).contains(system) {
+                    broken.push(format!("{name}:{} names {system}", number + 1));
+                }
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+}
+
+#[test]
+fn the_mock_shares_no_code_with_the_sender() {
+    for (name, text) in sources() {
+        if name.starts_with("src/printer/mock") {
+            for named in ["outrigger_gcode", "printer::session", "printer::reply", "printer::window"] {
+                assert!(!text.lines().any(|l| code(l).contains(named)), "{name} names {named}");
+            }
+        }
+    }
+}
