@@ -245,8 +245,10 @@ mod tests {
         let at = |k: u32| [f64::from(k.wrapping_mul(7919) % 250_000) / 1e3, f64::from(k % 211)];
         let bead = Pen::Bead { class: Class::Infill, width_mm: 0.45 };
         let jump = Pen::Jump { retracted: true, lifted: true };
-        let stroke =
-            |k: u32| Stroke { pen: if k % 2 == 0 { bead } else { jump }, points: vec![at(k), at(k + 1)] };
+        let stroke = |k: u32| Stroke {
+            pen: if k.is_multiple_of(2) { bead } else { jump },
+            points: vec![at(k), at(k + 1)],
+        };
         let many = Paths { strokes: (0..250_000).map(stroke).collect(), ..Paths::default() };
         let endless = Stroke { pen: bead, points: (0..500_000).map(at).collect() };
         let long = Paths { strokes: vec![endless], ..Paths::default() };
