@@ -3,5 +3,6 @@ pub mod cli;
 pub mod post;
 pub mod printer;
 pub mod profile;
+pub mod report;
 pub mod toolpath;
 pub mod units;

@@ -46,6 +46,23 @@ pub(super) fn display_name(path: &Path) -> String {
     }
 }
 
+/// A path's last part.
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Writes a whole text to a file; "-" is standard output. `what` names it for people.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn write_text(text: &str, to: &Path, what: &str) -> anyhow::Result<()> {
+    if to == Path::new("-") {
+        super::say(text.trim_end());
+        return Ok(());
+    }
+    std::fs::write(to, text).with_context(|| format!("cannot write the {what} {}", to.display()))
+}
+
 /// A file as it was when it was opened.
 pub(super) struct Seen {
     device: u64,

@@ -3,9 +3,11 @@
 //! A verb is an `Args` struct (clap) and `run(Args) -> anyhow::Result<ExitCode>`.
 //! Exit codes: 0 done; 1 the file or the printer is at fault (one clear line on
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
+mod demo;
 mod files;
 mod interrupt;
 mod mock;
+mod picture;
 mod post;
 mod print;
 mod profile;
@@ -26,6 +28,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Verb {
+    Demo(demo::Args),
     Post(post::Args),
     Print(print::Args),
     Mock(mock::Args),
@@ -36,6 +39,7 @@ enum Verb {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.verb {
+        Verb::Demo(args) => demo::run(&args),
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
         Verb::Mock(args) => mock::run(args),

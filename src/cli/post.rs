@@ -5,16 +5,14 @@
 //! non-zero status would fail the slicer's whole export.
 use super::files::{self, Replacement};
 use super::interrupt::clean_up_on_signal;
-use super::progress;
+use super::{picture, progress};
 use crate::post::passes::Wishes;
 use crate::post::report::Report;
 use crate::post::time::Accelerations;
 use crate::post::{Failure, Options, post};
 use crate::profile::load_printer;
-use anyhow::Context;
 use clap::Args as ClapArgs;
 use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -37,6 +35,9 @@ pub(super) struct Args {
     /// Write what was done as JSON; "-" is standard output
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
+    /// Draw the most improved layer's paths, before and after, as SVG
+    #[arg(long, value_name = "FILE.svg")]
+    picture: Option<PathBuf>,
     /// Reorder the first layer too
     #[arg(long)]
     first_layer: bool,
@@ -49,12 +50,60 @@ pub(super) struct Args {
     quiet: bool,
 }
 
+impl Args {
+    /// What the verb does with a job and an output, and nothing else given.
+    pub(super) fn of(file: PathBuf, output: PathBuf) -> Args {
+        Args {
+            file,
+            output: Some(output),
+            report: None,
+            picture: None,
+            first_layer: false,
+            profile: None,
+            quiet: true,
+        }
+    }
+}
+
+/// A job that was post-processed.
+pub(super) struct Done {
+    /// What was done to it.
+    pub(super) report: Report,
+    /// The job as it was, even where it was replaced.
+    pub(super) input: File,
+    /// Where the result is.
+    pub(super) target: PathBuf,
+}
+
 /// Runs the verb.
 ///
 /// # Errors
 /// FILE cannot be read at all, or with `--output` OUT cannot be written.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     clean_up_on_signal();
+    let done = post_file(args)?;
+    if let Some(reason) = &done.report.unchanged_reason {
+        eprintln!("outrigger: {}: left as it was: {reason}", files::display_name(&args.file));
+    } else if !args.quiet {
+        super::say(&summary(&done.report));
+    }
+    let reported = args.report.as_ref().map_or(Ok(()), |to| write_report(&done.report, to));
+    let drawn = args.picture.as_ref().map_or(Ok(()), |to| picture(args, &done, to));
+    for error in [reported, drawn].into_iter().filter_map(Result::err) {
+        if args.output.is_some() {
+            return Err(error);
+        }
+        // The job is whole; the export must not fail for want of a report or a picture.
+        eprintln!("outrigger: {error:#}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Post-processes the file: all of the verb but its words.
+///
+/// # Errors
+/// FILE cannot be read at all, or with `--output` OUT cannot be written.
+pub(super) fn post_file(args: &Args) -> anyhow::Result<Done> {
     let path = files::resolve(&args.file)?;
     let started = Instant::now();
     let mut input = files::open_regular(&path)?;
@@ -70,21 +119,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Err(error) => return Err(error),
     };
     report.seconds = started.elapsed().as_secs_f64();
-    if let Some(reason) = &report.unchanged_reason {
-        eprintln!("outrigger: {}: left as it was: {reason}", files::display_name(&args.file));
-    } else if !args.quiet {
-        super::say(&summary(&report));
-    }
-    if let Some(to) = &args.report
-        && let Err(error) = write_report(&report, to)
-    {
-        if args.output.is_some() {
-            return Err(error);
-        }
-        // The job is whole; the export must not fail for want of a report.
-        eprintln!("outrigger: {error:#}");
-    }
-    Ok(ExitCode::SUCCESS)
+    Ok(Done { report, input, target: target.to_owned() })
 }
 
 fn process(args: &Args, input: &mut File, path: &Path, target: &Path) -> anyhow::Result<Report> {
@@ -129,16 +164,25 @@ fn accelerations(profile: Option<&str>) -> anyhow::Result<Accelerations> {
     Ok(Accelerations { print_mm_s2: motion.print_mm_s2.0, travel_mm_s2: motion.travel_mm_s2.0 })
 }
 
-fn write_report(report: &Report, to: &Path) -> anyhow::Result<()> {
-    let json = serde_json::to_string_pretty(report)?;
-    if to == Path::new("-") {
-        super::say(&json);
-        return Ok(());
+/// The report as JSON; "-" is standard output.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn write_report(report: &Report, to: &Path) -> anyhow::Result<()> {
+    let mut json = serde_json::to_string_pretty(report)?;
+    json.push('\n');
+    files::write_text(&json, to, "report")
+}
+
+fn picture(args: &Args, done: &Done, to: &Path) -> anyhow::Result<()> {
+    let shown = match done.report.unchanged_reason {
+        Some(_) => None,
+        None => picture::write(&files::display_name(&args.file), done, to)?,
+    };
+    if shown.is_none() {
+        eprintln!("outrigger: no picture: nothing was changed");
     }
-    let mut file = File::create(to).with_context(|| format!("cannot write the report {}", to.display()))?;
-    file.write_all(json.as_bytes())
-        .and_then(|()| file.write_all(b"\n"))
-        .with_context(|| format!("cannot write the report {}", to.display()))
+    Ok(())
 }
 
 /// One line for people.

@@ -26,6 +26,7 @@ use std::io::{Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::rc::Rc;
+use tokio::runtime::Runtime;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::oneshot;
 use tokio::time::Instant;
@@ -71,13 +72,55 @@ pub(super) struct Args {
 /// Runs the verb. See [`Args`].
 pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     let profile = load_printer(&args.profile)?;
-    let settings = settings(&profile);
-    let job = Job::open(&args.file, settings.max_line).with_context(|| args.file.display().to_string())?;
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .context("cannot start the event loop")?;
-    runtime.block_on(print(&args, &profile, settings, job))
+    let job = Job::open(&args.file, &profile)?;
+    let baud = args.baud.unwrap_or(profile.serial.baud);
+    runtime()?.block_on(async {
+        let stops = stops()?;
+        let mock = match args.port.as_str() {
+            "mock" => Some(start_mock(&profile, baud, args.mock_speed)?),
+            _ => None,
+        };
+        let printing = Printing {
+            job,
+            name: args.file.display().to_string(),
+            profile: &profile,
+            device: mock.as_ref().map_or_else(|| args.port.clone(), |m| m.path().display().to_string()),
+            baud,
+            macros: !args.no_macros,
+            verbose: args.verbose,
+            speed: mock.as_ref().map_or(1.0, |_| args.mock_speed),
+        };
+        print(printing, stops).await?;
+        Ok(ExitCode::SUCCESS)
+    })
+}
+
+/// The event loop that a job is printed in.
+///
+/// # Errors
+/// The system has no resources for one.
+pub(super) fn runtime() -> anyhow::Result<Runtime> {
+    tokio::runtime::Builder::new_current_thread().enable_all().build().context("cannot start the event loop")
+}
+
+/// One job, and what it is printed on.
+pub(super) struct Printing<'a> {
+    /// The job.
+    pub(super) job: Job,
+    /// What people know it by.
+    pub(super) name: String,
+    /// The printer's profile.
+    pub(super) profile: &'a Profile,
+    /// The serial port.
+    pub(super) device: String,
+    /// Bits per second.
+    pub(super) baud: u32,
+    /// Whether the profile's start and end macros go around the file.
+    pub(super) macros: bool,
+    /// Whether every note, resend and probe is shown.
+    pub(super) verbose: bool,
+    /// How many times faster than life the printer is: 1 but for a mock.
+    pub(super) speed: f64,
 }
 
 /// What a session needs of a profile.
@@ -99,7 +142,8 @@ fn settings(profile: &Profile) -> Settings {
 }
 
 /// A file that was checked and can be sent.
-struct Job {
+pub(super) struct Job {
+    path: PathBuf,
     file: File,
     stamp: Stamp,
     checked: Checked,
@@ -120,7 +164,15 @@ impl Stamp {
 }
 
 impl Job {
-    fn open(path: &Path, max_line: Option<usize>) -> anyhow::Result<Self> {
+    /// Checks a file from its first line to its last.
+    ///
+    /// # Errors
+    /// It cannot be read, or not be printed by this printer; which line, and why.
+    pub(super) fn open(path: &Path, profile: &Profile) -> anyhow::Result<Self> {
+        Self::check(path, settings(profile).max_line).with_context(|| path.display().to_string())
+    }
+
+    fn check(path: &Path, max_line: Option<usize>) -> anyhow::Result<Self> {
         // Asked before opening: to open a pipe would wait for its writer.
         let meta = std::fs::metadata(path)?;
         if meta.is_dir() {
@@ -133,7 +185,7 @@ impl Job {
         let stamp = Stamp::of(&file.metadata()?);
         let mut facts = Facts::default();
         let checked = check(&file, max_line, |_, line| facts.see(line))?;
-        Ok(Self { file, stamp, checked, facts })
+        Ok(Self { path: path.to_owned(), file, stamp, checked, facts })
     }
 
     /// From the first line again, if the file is still the one that was checked.
@@ -197,24 +249,26 @@ impl<S: Source> Source for Whole<S> {
     }
 }
 
-async fn print(args: &Args, profile: &Profile, settings: Settings, mut job: Job) -> anyhow::Result<ExitCode> {
-    job.rewind().with_context(|| args.file.display().to_string())?;
-    let baud = args.baud.unwrap_or(profile.serial.baud);
-    let mock = start_mock(args, profile, baud)?;
-    let device = match &mock {
-        Some(mock) => mock.path().to_string_lossy().into_owned(),
-        None => args.port.clone(),
-    };
-    let mut port = Port::open(&device, baud)?;
+/// Prints a job to its end, or until the first of the two futures asks to stop;
+/// the second quits at once.
+///
+/// # Errors
+/// The job was not printed to its end: why, and what state the printer is in.
+pub(super) async fn print(
+    printing: Printing<'_>,
+    (first, second): (impl Future<Output = ()>, impl Future<Output = ()>),
+) -> anyhow::Result<()> {
+    let Printing { mut job, profile, .. } = printing;
+    job.rewind().with_context(|| job.path.display().to_string())?;
+    let mut port = Port::open(&printing.device, printing.baud)?;
     let marks = Rc::new(RefCell::new(Marks::default()));
     let read_marks = Rc::clone(&marks);
     let file = Reader::new(&job.file, job.checked, move |number, line: &[u8]| {
         read_marks.borrow_mut().see(number, line);
     });
-    let mut source = Whole::new(file, profile, !args.no_macros);
-    let mut show = Show::new(args.verbose, job.checked, job.facts, marks);
-    let mut session = Session::new(settings, 0);
-    let (first, second) = stops()?;
+    let mut source = Whole::new(file, profile, printing.macros);
+    let mut show = Show::new(printing.verbose, job.checked, job.facts, marks, printing.speed);
+    let mut session = Session::new(settings(profile), 0);
     let started = Instant::now();
     let outcome = tokio::select! {
         biased;
@@ -222,27 +276,28 @@ async fn print(args: &Args, profile: &Profile, settings: Settings, mut job: Job)
         outcome = drive(&mut port, &mut session, &mut source, &mut show, started, first) => Some(outcome),
     };
     show.finish();
-    verdict(&args.file, outcome, &show)
+    verdict(&printing.name, outcome, &show)
 }
 
 /// The printer behind `--port mock`: the profile's machine.
-fn start_mock(args: &Args, profile: &Profile, baud: u32) -> anyhow::Result<Option<mock::Handle>> {
-    if args.port != "mock" {
-        return Ok(None);
-    }
+fn start_mock(profile: &Profile, baud: u32, speed: f64) -> anyhow::Result<mock::Handle> {
     let config = mock::Config {
         baud,
-        speed: args.mock_speed,
+        speed,
         dtr_reset: profile.serial.dtr_reset,
         machine: super::mock::machine(profile),
         ..mock::Config::default()
     };
-    let options = mock::Options { config, ..mock::Options::default() };
-    Ok(Some(mock::spawn(options)?))
+    Ok(mock::spawn(mock::Options { config, ..mock::Options::default() })?)
 }
 
-/// Two futures: the first request to stop, and the second.
-fn stops() -> anyhow::Result<(impl Future<Output = ()>, impl Future<Output = ()>)> {
+/// Two futures: the first request to stop (Ctrl-C, SIGTERM, the terminal's end),
+/// and the second. Call within a runtime; from then on the signals end nothing by
+/// themselves.
+///
+/// # Errors
+/// The system refuses to tell of signals.
+pub(super) fn stops() -> anyhow::Result<(impl Future<Output = ()>, impl Future<Output = ()>)> {
     let (tell, told) = oneshot::channel();
     let mut signals =
         [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?];
@@ -270,9 +325,9 @@ fn stops() -> anyhow::Result<(impl Future<Output = ()>, impl Future<Output = ()>
     Ok((first, second))
 }
 
-/// The last words and the exit code.
-fn verdict(file: &Path, outcome: Option<Outcome>, show: &Show) -> anyhow::Result<ExitCode> {
-    let name = escape::printable(&file.display().to_string());
+/// The last words.
+fn verdict(name: &str, outcome: Option<Outcome>, show: &Show) -> anyhow::Result<()> {
+    let name = escape::printable(name);
     let after = |safety| match safety {
         Safety::Untouched => "nothing of it was sent",
         Safety::Acknowledged => "the printer has run the cancel macro: heaters are off",
@@ -284,7 +339,7 @@ fn verdict(file: &Path, outcome: Option<Outcome>, show: &Show) -> anyhow::Result
     match outcome {
         Some(Outcome::Finished) => {
             show.summary(&name);
-            Ok(ExitCode::SUCCESS)
+            Ok(())
         }
         Some(Outcome::Stopped { ending, safety }) => match ending {
             Ending::Cancelled => bail!("{name}: cancelled; {}", after(safety)),

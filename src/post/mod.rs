@@ -37,7 +37,7 @@ use time::Accelerations;
 use verify::{Difference, Figures, Verifier};
 
 /// Read from the beginning to tell the dialect, bytes: thumbnails come first and take some 100 kB.
-const BEGINNING_BYTES: u64 = 1 << 20;
+pub const BEGINNING_BYTES: u64 = 1 << 20;
 
 /// Read from the end for the slicer's settings, bytes: OrcaSlicer's take some 40 kB.
 const END_BYTES: u64 = 256 << 10;

@@ -38,6 +38,7 @@ pub(super) struct Show {
     checked: Checked,
     facts: Facts,
     marks: Rc<RefCell<Marks>>,
+    speed: f64,
     temperatures: Option<Temperatures>,
     connected: bool,
     line: u64,
@@ -52,7 +53,14 @@ pub(super) struct Show {
 }
 
 impl Show {
-    pub(super) fn new(verbose: bool, checked: Checked, facts: Facts, marks: Rc<RefCell<Marks>>) -> Self {
+    /// `speed`: how many times faster than the slicer's estimate the printer is.
+    pub(super) fn new(
+        verbose: bool,
+        checked: Checked,
+        facts: Facts,
+        marks: Rc<RefCell<Marks>>,
+        speed: f64,
+    ) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(checked.last_command);
             let style = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {msg}");
@@ -66,6 +74,7 @@ impl Show {
             checked,
             facts,
             marks,
+            speed,
             temperatures: None,
             connected: false,
             line: 0,
@@ -161,7 +170,7 @@ impl Show {
         if done >= PACE_FRACTION && elapsed_s >= PACE_S {
             return Some(elapsed_s * (1.0 - done) / done);
         }
-        marked_s.or(self.facts.total_s)
+        marked_s.or(self.facts.total_s).map(|s| s / self.speed)
     }
 
     fn refresh(&mut self, interval: Duration) {
