@@ -233,7 +233,6 @@ fn net_filament_mm(job: &[u8]) -> f64 {
 }
 
 #[test]
-#[ignore = "such a move before the first bead of a section is dropped, and verify does not see it"]
 fn filament_that_moves_alone_in_the_infill() {
     for line in ["G1 E1 F300", "G1 E-1 F300", "G1 X105 Y105 E-0.5", "G2 X100 Y100 I0 J0 E1"] {
         let job = with_line_in_infill(line.as_bytes());

@@ -154,21 +154,21 @@ fn clean(code: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-/// Removes a leading `N<digits>` and, if there was one, a trailing `*<digits>`.
-fn strip_number(code: &[u8]) -> &[u8] {
-    let [b'N' | b'n', rest @ ..] = code else {
-        return code;
-    };
-    let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
-    if digits == 0 {
-        return code;
+/// Removes a leading `N<digits>` and, if there was one, a trailing `*<digits>`;
+/// again as long as there is one, for firmware would take a second for the first.
+fn strip_number(mut code: &[u8]) -> &[u8] {
+    while let [b'N' | b'n', rest @ ..] = code {
+        let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
+        if digits == 0 {
+            break;
+        }
+        let rest = &rest[digits..];
+        code = match memchr::memrchr(b'*', rest) {
+            Some(at) if is_checksum(&rest[at + 1..]) => trim(&rest[..at]),
+            _ => trim(rest),
+        };
     }
-    let rest = &rest[digits..];
-    let rest = match memchr::memrchr(b'*', rest) {
-        Some(at) if is_checksum(&rest[at + 1..]) => &rest[..at],
-        _ => rest,
-    };
-    trim(rest)
+    code
 }
 
 fn is_checksum(bytes: &[u8]) -> bool {
@@ -297,6 +297,7 @@ mod tests {
         check("start_print bed=60", Some("start_print bed=60"));
         check("N12 G1 X1*57", Some("G1 X1"));
         check("N12G1 X1", Some("G1 X1"));
+        check("N12 N13G1 X1*57", Some("G1 X1"));
         check("N12", None);
         check("N12 ; comment", None);
         check("M110 N0*125", Some("M110 N0*125"));
