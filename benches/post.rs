@@ -23,6 +23,7 @@ use outrigger::post::verify::Verifier;
 use outrigger::post::{Options, post};
 use outrigger::toolpath::bead::{Bead, Cost, Ends, LiftRule, Point, as_sliced, cost, distance_mm};
 use outrigger::toolpath::breakpoints::never_worse;
+use outrigger::toolpath::cover::Cover;
 use outrigger::toolpath::nearest::{Limit, Near, Start, nearest};
 use outrigger::toolpath::walls::Walls;
 use outrigger_gcode::dialect::{Dialect, Feature};
@@ -86,13 +87,12 @@ impl Bench {
 
     /// Each layer before and after; `None` where it is the same.
     fn pairs(&self) -> Vec<(&Layer, Option<Vec<u8>>)> {
-        let pair = |(old, new): (&'_ _, &Layer)| {
+        let output = |old: &Layer, new: &Layer| {
             let mut bytes = Vec::new();
             new.write(&mut bytes);
-            let old: &Layer = old;
             (bytes != old.input()).then_some(bytes)
         };
-        self.layers.iter().zip(&self.rewritten).map(|(old, new)| (old, pair((old, new)))).collect()
+        self.layers.iter().zip(&self.rewritten).map(|(old, new)| (old, output(old, new))).collect()
     }
 }
 
@@ -116,9 +116,10 @@ fn reorder(layers: &mut [Layer], habits: &FileHabits) {
     for k in 0..layers.len() {
         let (before, rest) = layers.split_at_mut(k);
         let Some((layer, after)) = rest.split_first_mut() else { return };
-        let cover = |layer: Option<&'_ Layer>| layer.and_then(|l| l.cover.clone());
-        let (below, above) = (cover(before.last()), cover(after.first()));
-        let neighbours = Neighbours { below: below.as_ref(), above: above.as_ref() };
+        fn cover(layer: Option<&Layer>) -> Option<&Cover> {
+            layer.and_then(|l| l.cover.as_ref())
+        }
+        let neighbours = Neighbours { below: cover(before.last()), above: cover(after.first()) };
         for pass in &mut passes {
             pass.layer(layer, neighbours);
         }
@@ -290,8 +291,8 @@ fn orders(ratios: &Ratios, bench: &Bench) {
         "sparse infill alone, {beads} beads in {} sections, from each section's first bead:",
         sections.len()
     );
-    let orders: [(&str, fn(&Section, &Rule<'_>) -> Cost); 3] = [
-        ("the slicer's order", sliced),
+    let orders = [
+        ("the slicer's order", sliced as fn(&Section, &Rule<'_>) -> Cost),
         ("plain nearest neighbour", near),
         ("restarted where it broke", own),
     ];

@@ -74,9 +74,12 @@ fn count_lines(job: &[u8]) -> usize {
     split_lines(job).map(black_box).count()
 }
 
+/// Command, words, and the rest of the line.
+type Parts<'a> = (&'a [u8], Vec<(char, f64)>, &'a [u8]);
+
 /// The peer: a line of G-code as nom's documentation would have it written. It
 /// allocates for each line and takes the E of `X10E5` for an exponent.
-fn idiomatic(line: &[u8]) -> IResult<&[u8], (&[u8], Vec<(char, f64)>, &[u8])> {
+fn idiomatic(line: &[u8]) -> IResult<&[u8], Parts<'_>> {
     let command = recognize((satisfy(|c| c.is_ascii_uppercase()), digit1));
     let word = preceded(space0, (satisfy(|c| c.is_ascii_alphabetic()), double));
     (command, many0(word), take_while(|_| true)).parse(line)

@@ -8,8 +8,9 @@
 //! annotate (lines → layers) → passes (rows → rows) → write
 //!                                            └─ verify, always last, from the text again
 //! ```
-//! Three threads, a layer or two between each: memory is bounded by the largest layers.
+//! Three threads, a few small layers or one large between each: memory is bounded by the largest layers.
 pub mod annotate;
+mod batch;
 mod emit;
 pub mod habits;
 pub mod layer;
@@ -25,6 +26,7 @@ pub mod time;
 pub mod verify;
 
 use annotate::{Layers, Unfit};
+use batch::{Batches, batches};
 use habits::FileHabits;
 use layer::Layer;
 use outrigger_gcode::dialect::{Detection, Dialect, detect};
@@ -32,7 +34,7 @@ use passes::Wishes;
 use report::Report;
 use section::Neighbours;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::Receiver;
 use time::Accelerations;
 use verify::{Difference, Figures, Verifier};
 
@@ -41,9 +43,6 @@ pub const BEGINNING_BYTES: u64 = 1 << 20;
 
 /// Read from the end for the slicer's settings, bytes: OrcaSlicer's take some 40 kB.
 const END_BYTES: u64 = 256 << 10;
-
-/// Layers that wait between two threads. One keeps both at work; more costs memory.
-const WAITING_LAYERS: usize = 1;
 
 /// Read and write buffers, bytes.
 const BUFFER_BYTES: usize = 256 << 10;
@@ -220,14 +219,13 @@ fn run(
     progress: &(dyn Fn(u64) + Sync),
 ) -> Result<(Figures, pass::Tally), Unchanged> {
     let mut passes = passes::all(options.wishes, habits);
-    let (layers_in, layers) = sync_channel::<Layer>(WAITING_LAYERS);
-    let (pairs_in, pairs) = sync_channel::<Pair>(WAITING_LAYERS);
+    let (layers_in, layers) = batches::<Layer>();
+    let (pairs_in, pairs) = batches::<Pair>();
     std::thread::scope(|scope| {
-        let reading = scope.spawn(move || read(input, dialect, &layers_in, progress));
+        let reading = scope.spawn(move || read(input, dialect, layers_in, progress));
         let verifying = scope.spawn(move || verify(&pairs, dialect, options.accelerations));
-        let written = rewrite_all(&layers, &mut passes, output, &pairs_in);
+        let written = rewrite_all(&layers, &mut passes, output, pairs_in);
         drop(layers);
-        drop(pairs_in);
         let read = reading.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         let verified = verifying.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         read?;
@@ -244,7 +242,7 @@ fn run(
 fn read(
     input: impl Read,
     dialect: Dialect,
-    layers: &SyncSender<Layer>,
+    mut layers: Batches<Layer>,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Result<(), Unfit> {
     let mut reader = Layers::new(BufReader::with_capacity(BUFFER_BYTES, input), dialect);
@@ -252,26 +250,30 @@ fn read(
     while let Some(layer) = reader.next_layer()? {
         bytes += layer.input().len() as u64;
         progress(bytes);
-        if layers.send(layer).is_err() {
+        let size = layer.input().len();
+        if layers.put(layer, size).is_err() {
             // The rewriting stopped; it tells why.
-            break;
+            return Ok(());
         }
     }
+    // As above.
+    let _ = layers.finish();
     Ok(())
 }
 
 /// Runs the passes over each layer, with its neighbours in sight, and writes it.
 fn rewrite_all(
-    layers: &Receiver<Layer>,
+    layers: &Receiver<Vec<Layer>>,
     passes: &mut [Box<dyn pass::Pass>],
     output: &mut impl Write,
-    pairs: &SyncSender<Pair>,
+    mut pairs: Batches<Pair>,
 ) -> std::io::Result<()> {
     let mut output = std::io::BufWriter::with_capacity(BUFFER_BYTES, output);
     let mut below = None;
-    let mut next = layers.recv().ok();
+    let mut layers = layers.iter().flatten();
+    let mut next = layers.next();
     while let Some(mut layer) = next {
-        next = layers.recv().ok();
+        next = layers.next();
         let neighbours =
             Neighbours { below: below.as_ref(), above: next.as_ref().and_then(|l| l.cover.as_ref()) };
         let rows = layer.rows.len();
@@ -288,23 +290,26 @@ fn rewrite_all(
         output.write_all(written.as_deref().unwrap_or(layer.input()))?;
         let number = layer.number;
         below = layer.cover.take();
+        let size = layer.input.end as usize - layer.input.start as usize;
         let pair = Pair { number, text: layer.text, input: layer.input, output: written };
-        if pairs.send(pair).is_err() {
+        if pairs.put(pair, size).is_err() {
             // The verifier found a difference; it tells which.
             return Ok(());
         }
     }
+    // As above.
+    let _ = pairs.finish();
     output.flush()
 }
 
 fn verify(
-    pairs: &Receiver<Pair>,
+    pairs: &Receiver<Vec<Pair>>,
     dialect: Dialect,
     accelerations: Accelerations,
 ) -> Result<Figures, Difference> {
     let mut verifier = Verifier::new(Some(dialect), accelerations);
     let mut last = 0;
-    for pair in pairs {
+    for pair in pairs.iter().flatten() {
         last = pair.number;
         let input = &pair.text[pair.input.start as usize..pair.input.end as usize];
         verifier.layer(pair.number, input, pair.output.as_deref())?;
