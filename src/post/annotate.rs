@@ -16,9 +16,10 @@ use std::io::{BufRead, Read};
 /// Longest line, bytes. Slicers' longest are configuration lines (start macros) of some kilobytes.
 pub const MAX_LINE_BYTES: usize = 1 << 20;
 
-/// Largest layer, bytes: some 250,000 moves, five times what a full plate of fine
-/// parts has; its typed rows take about 40 MB.
-pub const MAX_LAYER_BYTES: usize = 8 << 20;
+/// Largest layer, bytes: some 60,000 moves, twice what a full plate of fine parts
+/// has. Half a dozen layers are in work at once, each with its typed rows beside
+/// its text: some 20 times this in all, which a Pi of 1 GB has room for.
+pub const MAX_LAYER_BYTES: usize = 2 << 20;
 
 /// Coordinates beyond this are no printer's, mm.
 const MAX_COORDINATE_MM: f64 = 10_000.0;

@@ -6,7 +6,7 @@
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// Batches that wait between two threads. One keeps both at work; more costs memory.
-const WAITING_BATCHES: usize = 1;
+const WAITING_BATCHES: usize = 0;
 
 /// A batch of this size is sent, bytes. Waking a thread takes as long as
 /// processing some kilobytes; a usual layer has 5 to 50 kB.

@@ -2,6 +2,9 @@
 use super::layer::{Channel, Layer, Row, What};
 use outrigger_gcode::state::{Kind, Move};
 
+/// Filament pulled back and pushed that differs by less is meant to be the same, mm.
+const ROUNDING_MM: f64 = 5e-4;
+
 /// The bytes of a line.
 pub(super) type Text = Vec<u8>;
 
@@ -54,10 +57,22 @@ pub(super) struct Retraction {
 }
 
 impl Retraction {
-    /// Filament pulled back in all, mm.
+    /// Filament pulled back in all, mm. Where that differs from what is pushed again
+    /// by no more than rounding, it is what is pushed: copied a thousand times,
+    /// the slicer's rounding would add up.
     pub(super) fn depth_mm(&self) -> f64 {
         let part = |p: &Option<(Sample, f64)>| p.as_ref().map_or(0.0, |p| p.1);
-        part(&self.before) + self.wipe.as_ref().map_or(0.0, |w| w.e) + part(&self.after)
+        let pulled = part(&self.before) + self.wipe.as_ref().map_or(0.0, |w| w.e) + part(&self.after);
+        let pushed: f64 = self.unretract.iter().map(|u| u.1).sum();
+        if (pulled - pushed).abs() < ROUNDING_MM { pushed } else { pulled }
+    }
+
+    /// What the wipe pulls back when nothing is left for a line after it, mm.
+    pub(super) fn wipe_e_mm(&self, wipe: &Wipe) -> f64 {
+        match self.after {
+            Some(_) => wipe.e,
+            None => self.depth_mm() - self.before.as_ref().map_or(0.0, |b| b.1),
+        }
     }
 
     fn wipe_mm(&self) -> f64 {

@@ -139,12 +139,15 @@ impl Emitter<'_> {
         let mut left = retraction.depth_mm();
         let mut sample = None;
         if let Some((line, e)) = &retraction.before {
+            let alone = retraction.wipe.is_none() && retraction.after.is_none();
+            let e = if alone { left } else { *e };
             self.filament(line, -e, state);
             left -= e;
             sample = Some(line);
         }
         if let Some(wipe) = &retraction.wipe {
-            left -= self.wipe(wipe, state);
+            let wipe = Wipe { e: retraction.wipe_e_mm(wipe), ..wipe.clone() };
+            left -= self.wipe(&wipe, state);
             sample = sample.or(retraction.unretract.first().map(|u| &u.0));
         }
         let unit = 10f64.powi(-i32::from(self.layer.style.e_decimals));
