@@ -4,12 +4,18 @@
 //! A port that is gone (unplugged, or a pseudo-terminal whose other side closed)
 //! is one error, [`PortError::Gone`], however the system words it. Knows nothing
 //! of what is sent.
+//!
+//! Where the system lacks the calls that set any baud rate (`TCSETS2`: user-mode
+//! emulators), a pseudo-terminal, which has no rate, is opened without them.
+use nix::sys::termios;
+use rustix::fs::{Mode, OFlags};
 use std::future::poll_fn;
 use std::io;
 use std::pin::Pin;
-use std::task::Poll;
+use std::task::{Context, Poll};
 use thiserror::Error;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::unix::pipe;
 use tokio_serial::SerialStream;
 
 /// Why there is no port, or none any more.
@@ -57,8 +63,49 @@ fn advice(kind: io::ErrorKind) -> &'static str {
 /// An open port, held exclusively.
 #[derive(Debug)]
 pub struct Port {
-    stream: SerialStream,
+    stream: Stream,
     path: String,
+}
+
+#[derive(Debug)]
+enum Stream {
+    Serial(SerialStream),
+    /// A pseudo-terminal on a system without `TCSETS2`: one descriptor for each way.
+    Terminal(pipe::Receiver, pipe::Sender),
+}
+
+impl Stream {
+    /// Opens a pseudo-terminal raw, by the calls that every system has.
+    fn terminal(path: &str) -> io::Result<Stream> {
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
+        let fd = rustix::fs::open(path, flags, Mode::empty())?;
+        let mut modes = termios::tcgetattr(&fd)?;
+        termios::cfmakeraw(&mut modes);
+        termios::tcsetattr(&fd, termios::SetArg::TCSANOW, &modes)?;
+        let back = pipe::Receiver::from_owned_fd_unchecked(fd.try_clone()?)?;
+        Ok(Stream::Terminal(back, pipe::Sender::from_owned_fd_unchecked(fd)?))
+    }
+
+    fn poll_write(&mut self, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        match self {
+            Stream::Serial(stream) => Pin::new(stream).poll_write(cx, bytes),
+            Stream::Terminal(_, to) => Pin::new(to).poll_write(cx, bytes),
+        }
+    }
+
+    fn poll_read(&mut self, cx: &mut Context<'_>, input: &mut [u8]) -> Poll<io::Result<usize>> {
+        let mut buffer = ReadBuf::new(input);
+        let read = match self {
+            Stream::Serial(stream) => Pin::new(stream).poll_read(cx, &mut buffer),
+            Stream::Terminal(from, _) => Pin::new(from).poll_read(cx, &mut buffer),
+        };
+        read.map_ok(|()| buffer.filled().len())
+    }
+}
+
+/// Whether the path, links followed, is a pseudo-terminal.
+fn is_pseudo_terminal(path: &str) -> bool {
+    std::fs::canonicalize(path).is_ok_and(|device| device.starts_with("/dev/pts"))
 }
 
 /// What [`Port::exchange`] did.
@@ -77,7 +124,15 @@ impl Port {
     /// Opening raises DTR, which resets many boards. Call within a tokio runtime
     /// that drives I/O.
     pub fn open(path: &str, baud: u32) -> Result<Self, PortError> {
-        let stream = SerialStream::open(&tokio_serial::new(path, baud)).map_err(|e| {
+        let opened = SerialStream::open(&tokio_serial::new(path, baud)).map(Stream::Serial).or_else(|e| {
+            // The crate has no class for ENOSYS; a port that another program holds is `NoDevice`.
+            let lacks_calls = e.kind == tokio_serial::ErrorKind::Unknown;
+            match lacks_calls && is_pseudo_terminal(path) {
+                true => Stream::terminal(path).map_err(|_| e),
+                false => Err(e),
+            }
+        });
+        let stream = opened.map_err(|e| {
             let kind = match e.kind {
                 tokio_serial::ErrorKind::NoDevice if !std::path::Path::new(path).exists() => {
                     io::ErrorKind::NotFound
@@ -100,12 +155,11 @@ impl Port {
         let stream = &mut self.stream;
         let moved = poll_fn(|cx| {
             if !output.is_empty()
-                && let Poll::Ready(done) = Pin::new(&mut *stream).poll_write(cx, output)
+                && let Poll::Ready(done) = stream.poll_write(cx, output)
             {
                 return Poll::Ready(done.map(Moved::Wrote));
             }
-            let mut buffer = ReadBuf::new(input);
-            Pin::new(&mut *stream).poll_read(cx, &mut buffer).map_ok(|()| Moved::Read(buffer.filled().len()))
+            stream.poll_read(cx, input).map_ok(Moved::Read)
         })
         .await;
         match moved {
@@ -126,5 +180,39 @@ impl Port {
 
     fn gone(&self) -> PortError {
         PortError::Gone { path: self.path.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    /// A pseudo-terminal opened without `TCSETS2` carries every byte both ways, and
+    /// its end is a port that is gone.
+    #[test]
+    fn a_terminal_without_rates_is_a_port() {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build().unwrap();
+        runtime.block_on(async {
+            let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+            grantpt(&master).unwrap();
+            unlockpt(&master).unwrap();
+            let path = ptsname(&master, Vec::new()).unwrap().to_string_lossy().into_owned();
+            assert!(is_pseudo_terminal(&path) && !is_pseudo_terminal("/dev/null"));
+            let mut port = Port { stream: Stream::terminal(&path).unwrap(), path };
+            let mut input = [0; 16];
+
+            rustix::io::write(&master, b"ok\r\n").unwrap();
+            assert_eq!(port.exchange(&mut input, b"").await.unwrap(), Moved::Read(4));
+            assert_eq!(&input[..4], b"ok\r\n");
+
+            assert_eq!(port.exchange(&mut input, b"N1 M105\n").await.unwrap(), Moved::Wrote(8));
+            let mut seen = [0; 16];
+            assert_eq!(rustix::io::read(&master, &mut seen).unwrap(), 8);
+            assert_eq!(&seen[..8], b"N1 M105\n");
+
+            drop(master);
+            assert!(matches!(port.exchange(&mut input, b"").await, Err(PortError::Gone { .. })));
+        });
     }
 }

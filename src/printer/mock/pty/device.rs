@@ -3,9 +3,9 @@
 //! Raw mode from the beginning and over every host that comes and goes; who
 //! opens it is known from inotify. Knows neither the board nor the link.
 use super::{MockError, terminal};
+use nix::sys::termios::{self, FlushArg, SetArg};
 use rustix::fs::{Mode, OFlags, inotify};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{self, OptionalActions, QueueSelector};
 use std::mem::MaybeUninit;
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::PathBuf;
@@ -43,9 +43,10 @@ impl Device {
     }
 
     pub(super) fn make_raw(&self) -> Result<(), MockError> {
+        // By the C library's calls: emulators lack the kernel's newer ones.
         let mut modes = termios::tcgetattr(&self.slave).map_err(|e| terminal("modes", e))?;
-        modes.make_raw();
-        termios::tcsetattr(&self.slave, OptionalActions::Now, &modes).map_err(|e| terminal("raw mode", e))
+        termios::cfmakeraw(&mut modes);
+        termios::tcsetattr(&self.slave, SetArg::TCSANOW, &modes).map_err(|e| terminal("raw mode", e))
     }
 
     /// Reads who opened and closed the port since the last call; true when a
@@ -74,10 +75,10 @@ impl Device {
             // What the last host did not read is not for the next one. A lock
             // that a host left (TIOCEXCL) goes with the host, as on a port
             // that is closed for good; so do the modes it set.
-            let _ = termios::tcflush(&self.slave, QueueSelector::IFlush);
+            let _ = termios::tcflush(&self.slave, FlushArg::TCIFLUSH);
         }
         if closed {
-            let _ = termios::ioctl_tiocnxcl(&self.slave);
+            let _ = rustix::termios::ioctl_tiocnxcl(&self.slave);
             self.make_raw()?;
         }
         Ok(new)
