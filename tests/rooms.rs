@@ -19,6 +19,7 @@ const RULES: &[(&str, &[&str])] = &[
 const ONLY: &[(&str, &[&str])] = &[
     ("serialport", &["src/printer/port.rs"]),
     ("tokio_serial", &["src/printer/port.rs"]),
+    ("nix::sys", &["src/printer/port.rs", "src/printer/mock/pty/"]),
     ("indicatif", &["src/cli/"]),
     ("clap", &["src/cli/"]),
     ("std::fs", &["src/cli/", "src/printer/", "src/profile"]),
