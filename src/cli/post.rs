@@ -85,7 +85,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(reason) = &done.report.unchanged_reason {
         eprintln!("outrigger: {}: left as it was: {reason}", files::display_name(&args.file));
     } else if !args.quiet {
-        super::say(&summary(&done.report));
+        // What goes to standard output for machines goes there alone.
+        let taken = [&args.report, &args.picture].into_iter().flatten().any(|to| to == Path::new("-"));
+        let words = summary(&done.report);
+        if taken { eprintln!("{words}") } else { super::say(&words) }
     }
     let reported = args.report.as_ref().map_or(Ok(()), |to| write_report(&done.report, to));
     let drawn = args.picture.as_ref().map_or(Ok(()), |to| picture(args, &done, to));
