@@ -297,16 +297,15 @@ fn read_words(all: &[u8], words: &mut Words) {
     }
 }
 
+/// Stops at a parenthesis that is never closed: that is no comment.
 fn skip_blanks_and_parentheses(mut args: &[u8]) -> &[u8] {
     loop {
         match args.first() {
             Some(b' ' | b'\t' | b'\r') => args = &args[1..],
-            Some(b'(') => {
-                args = match memchr::memchr(b')', args) {
-                    Some(at) => &args[at + 1..],
-                    None => &args[args.len()..],
-                }
-            }
+            Some(b'(') => match memchr::memchr(b')', args) {
+                Some(at) => args = &args[at + 1..],
+                None => return args,
+            },
             _ => return args,
         }
     }
@@ -390,6 +389,7 @@ mod tests {
     #[test]
     fn words_that_are_not_whole_say_so() {
         assert!(!parse(b"G1 X1 #2").words.complete);
+        assert!(!parse(b"G1 X1 (to the left Y2").words.complete);
         assert!(!parse(b"G1 A1B1C1D1E1F1G1H1I1J1K1L1M1").words.complete);
         assert!(parse(b"G1 XNaN").words.get(b'X').is_none());
     }

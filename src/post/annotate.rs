@@ -9,7 +9,7 @@ use super::layer::{Layer, Modes, Row, Span, Style, What};
 use super::settings::Settings;
 use crate::toolpath::cover::{Cover, Stroke};
 use outrigger_gcode::dialect::{Dialect, Mark};
-use outrigger_gcode::line::{Command, Line, parse};
+use outrigger_gcode::line::{Command, Line, Words, parse};
 use outrigger_gcode::state::{Effect, Kind, Machine};
 use std::io::{BufRead, Read};
 
@@ -84,6 +84,12 @@ pub enum Unfit {
         falls: u64,
         /// Deposits in all.
         deposits: u64,
+    },
+    /// A motion that cannot be read for sure: firmware and we might differ.
+    #[error("line {line} moves, but cannot be read for sure: damaged, or a word without a number, or twice")]
+    Garbled {
+        /// Counted from 1.
+        line: u64,
     },
     /// Lines that carry numbers and checksums already.
     #[error("line {line} carries a line number; numbered files are passed through")]
@@ -261,6 +267,10 @@ impl<R: BufRead> Layers<R> {
         if self.machine.position.iter().any(|p| !p.is_finite() || p.abs() > MAX_COORDINATE_MM) {
             return Err(Unfit::Beyond { line: self.line, byte: self.byte - (text.len() - at) as u64 });
         }
+        let moves = matches!(effect, Effect::Motion(_) | Effect::SetE | Effect::SetPosition);
+        if moves && !is_plain(line.words) {
+            return Err(Unfit::Garbled { line: self.line });
+        }
         self.refuse_backwards(effect)?;
         let mark = self.mark(&line)?;
         let mut state = *states.last().unwrap_or_else(|| unreachable!("a layer begins with a state"));
@@ -271,7 +281,7 @@ impl<R: BufRead> Layers<R> {
                     self.settings.feature = feature;
                     state.feature = feature;
                 }
-                if line.words.complete { What::Move(m, m.kind()) } else { What::Anchor }
+                What::Move(m, m.kind())
             }
             Effect::FirmwareRetract => What::Retract,
             Effect::FirmwareUnretract => What::Unretract,
@@ -354,6 +364,13 @@ impl<R: BufRead> Layers<R> {
             self.style.bare_point |= word.bare_point;
         }
     }
+}
+
+/// Whether every word has a number, and no letter comes twice.
+fn is_plain(words: Words) -> bool {
+    let list = words.as_slice();
+    let once = |k: usize| list[..k].iter().all(|w| w.letter != list[k].letter);
+    words.complete && (0..list.len()).all(|k| list[k].value.is_some() && once(k))
 }
 
 /// Where the part is printed in a layer.
@@ -440,6 +457,9 @@ mod tests {
         check(b"G1 X99999999\n", "line 1 (byte 0) moves beyond");
         let hidden = (1..=150).map(|k| format!("G1 X{k} E.5\nG1 Y{k} E.25\n")).collect::<String>();
         check(hidden.as_bytes(), "by line 199 E fell and rose again within 99 of 100 extrusions");
+        for garbled in ["G1 X1<2 E1\n", "G1 X Y1\n", "G1 X1 X2\n", "G92 E\n"] {
+            check(garbled.as_bytes(), "line 1 moves, but cannot be read for sure");
+        }
         check(b"N1 G1 X1*97\n", "line 1 carries a line number");
         check(b";LAYER_CHANGE\n;LAYER:3\n", "line 2 marks a layer as Cura");
         check(&b"G1 X1 ; padding padding padding\n".repeat(MAX_LAYER_BYTES / 32 + 1), "is larger than");

@@ -134,7 +134,13 @@ pub(super) fn sections(layer: &Layer, beads: &[BeadRows]) -> Vec<Range<usize>> {
 
 /// Whether a row may stand between two beads that are moved apart.
 pub(super) fn is_link(what: What) -> bool {
-    !matches!(what, What::Barrier | What::Anchor | What::Mode(_))
+    !matches!(what, What::Barrier | What::Anchor | What::Mode(_)) && !pushes_upwards(what)
+}
+
+/// Whether the row pushes filament while it moves in Z alone: no bead, and yet
+/// something is laid down where it stands.
+pub(super) fn pushes_upwards(what: What) -> bool {
+    matches!(what, What::Move(m, Kind::Travel) if m.e != 0.0)
 }
 
 #[cfg(test)]
@@ -168,6 +174,7 @@ mod tests {
     fn beads_of_sparse_infill_are_one_section() {
         check(&layer("Internal infill", "G1 X9 E1\nG1 Y1\nG1 X0 E1\nG1 Y2\nG1 X9 E1\n"), &[(0, 3)]);
         check(&layer("Internal infill", "G1 X9 E1\nG1 Y1\nM104 S200\nG1 X0 E1\n"), &[(0, 1), (1, 2)]);
+        check(&layer("Internal infill", "G1 X9 E1\nG1 Z1 E1\nG1 Z.2\nG1 Y1\nG1 X0 E1\n"), &[(0, 1), (1, 2)]);
         check(&layer("Internal infill", "G1 X9 E1\nG1 E1\nG1 Y1\nG1 X0 E1\n"), &[(0, 1), (1, 2)]);
         check(&layer("Internal infill", "G1 X9 E1\nG1 E-1\nG1 Y1\nG1 E1\nG1 X0 E1\n"), &[(0, 2)]);
         check(&layer("Internal infill", "G1 X9 E1\nG1 Y1\nM73 P3\nG1 X0 E1\n"), &[(0, 2)]);

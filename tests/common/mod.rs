@@ -94,17 +94,18 @@ pub(crate) type Deposit = ([i64; 3], [i64; 3], f64);
 /// Every move that pushes filament while it moves in X, Y or Z, sorted.
 pub(crate) fn deposits(job: &[u8]) -> Vec<Deposit> {
     let (mut at, mut e) = ([0i64; 3], 0.0f64);
-    let (mut relative, mut relative_e) = (false, false);
+    let (mut relative, mut said_relative_e) = (false, false);
     let mut found = Vec::new();
     for line in job.split(|&b| b == b'\n') {
         let code = line.split(|&b| b == b';').next().unwrap_or_default();
         let words = words(code);
         let Some(&(letter, number)) = words.iter().find(|w| w.0 != b'N') else { continue };
         match (letter, number) {
-            (b'G', 90.0) => (relative, relative_e) = (false, false),
-            (b'G', 91.0) => (relative, relative_e) = (true, true),
-            (b'M', 82.0) => relative_e = false,
-            (b'M', 83.0) => relative_e = true,
+            // As slicers mean it: G91 makes E relative too, G90 gives it back to M82 or M83.
+            (b'G', 90.0) => relative = false,
+            (b'G', 91.0) => relative = true,
+            (b'M', 82.0) => said_relative_e = false,
+            (b'M', 83.0) => said_relative_e = true,
             (b'G', 92.0) => e = word(&words, b'E').unwrap_or(e),
             // Arcs by their ends: a pass may walk one from the other end, and no more.
             (b'G', 0.0 | 1.0 | 2.0 | 3.0) => {
@@ -115,6 +116,7 @@ pub(crate) fn deposits(job: &[u8]) -> Vec<Deposit> {
                         to[axis] = if relative { at[axis].saturating_add(um) } else { um };
                     }
                 }
+                let relative_e = relative || said_relative_e;
                 let push = word(&words, b'E').map_or(0.0, |v| if relative_e { v } else { v - e });
                 e = if relative_e { e } else { e + push };
                 if push > 0.0 && (to != at || number >= 2.0) {

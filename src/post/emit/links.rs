@@ -2,7 +2,7 @@
 use super::super::layer::{Channel, Row, What};
 use super::super::link::{Habits, Retraction, Sample, Travel, Wipe, is_regular};
 use super::super::rewrite::{Change, rewrite};
-use super::super::section::is_link;
+use super::super::section::{is_link, pushes_upwards};
 use super::{Emitter, FEED, Refusal, SAME_MM};
 use crate::toolpath::bead::{LiftRule, Point, distance_mm};
 use outrigger_gcode::line::{Command, parse};
@@ -270,6 +270,7 @@ impl Emitter<'_> {
             }
             match row.what {
                 What::Anchor | What::Mode(_) if moved => return Err(Refusal::Anchored),
+                what if moved && pushes_upwards(what) => return Err(Refusal::Anchored),
                 What::Move(_, Kind::Wipe) if moved => {
                     k = self.wipe_anew(k, rows.end, &mut was);
                     continue;

@@ -340,6 +340,11 @@ mod tests {
             ("G1 Y1 F9000", &format!("G1 Y1{} F9000", " ".repeat(80)), "longer than the firmware takes"),
             ("G1 X0 Y0 F9000\nM107", "G1 X0 Y.5 F9000\nM107", "the position"),
             ("G1 X0 Y0 F9000\nM107", "G1 X0 Y0 F9000\nG1 E-1\nG1 E1\nM107", "deeper"),
+            (
+                "G1 Y1 F9000\nG1 F1200\nG1 X0 E1\n",
+                "G1 Y1 F9000\nG1 F1200\nG1 Z.3 E.0001\nG1 Z.2\nG1 X0 E1\n",
+                "command or comment",
+            ),
             ("\nM107", "\nM106 S1", "a setting"),
             ("\nM107", "\nM107\nM82", "command or comment"),
         ];

@@ -222,6 +222,13 @@ impl Side {
             }
             reading.segments.push(Segment::new(m, reading.contexts.len() as u32 - 1));
         } else {
+            if kind == Kind::Travel && m.e != 0.0 {
+                // Filament pushed on the way up or down: it belongs where it stands.
+                let place = m.from.into_iter().chain(m.to).map(|v| (v / UNIT_MM).round() as i64);
+                let all: Vec<u8> =
+                    place.chain([(m.e / UNIT_MM).round() as i64]).flat_map(i64::to_le_bytes).collect();
+                reading.others.push((reading.segments.len() as u32, hash(&all)));
+            }
             self.fastest = self.fastest.max(m.feed);
             if m.moves_xy() {
                 reading.lowest_travel = reading.lowest_travel.min(m.from[2].min(m.to[2]));
