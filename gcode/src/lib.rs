@@ -8,6 +8,9 @@
 //!
 //! Data flows in that order. This crate knows no file system, no clock and no
 //! serial port.
+/// The first bytes of binary G-code.
+pub const BINARY_MAGIC: &[u8] = b"GCDE";
+
 pub mod checksum;
 pub mod dialect;
 pub mod line;

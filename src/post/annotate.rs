@@ -9,7 +9,7 @@ use super::layer::{Layer, Modes, Row, Span, Style, What};
 use super::settings::Settings;
 use crate::toolpath::cover::{Cover, Stroke};
 use outrigger_gcode::dialect::{Dialect, Mark};
-use outrigger_gcode::line::{Command, Line, Words, parse};
+use outrigger_gcode::line::{Line, Words, parse};
 use outrigger_gcode::state::{Effect, Kind, Machine};
 use std::io::{BufRead, Read};
 
@@ -304,11 +304,6 @@ impl<R: BufRead> Layers<R> {
 
     /// What the line says, and whether a layer begins.
     fn mark<'a>(&mut self, line: &Line<'a>) -> Result<Option<Mark<'a>>, Unfit> {
-        if line.comment.is_empty()
-            && !matches!(line.command, Command::Named(_) | Command::Classic { letter: b'M', .. })
-        {
-            return Ok(None);
-        }
         let mark = self.dialect.mark(line);
         if mark == Some(Mark::Layer) {
             self.marked = true;

@@ -29,6 +29,7 @@ use annotate::{Layers, Unfit};
 use batch::{Batches, batches};
 use habits::FileHabits;
 use layer::Layer;
+use outrigger_gcode::BINARY_MAGIC;
 use outrigger_gcode::dialect::{Detection, Dialect, detect};
 use passes::Wishes;
 use report::Report;
@@ -49,9 +50,6 @@ const BUFFER_BYTES: usize = 256 << 10;
 
 /// A file that stays as it is is measured in pieces of this size, bytes.
 const MEASURED_BYTES: u64 = 1 << 20;
-
-/// The first bytes of binary G-code.
-pub const BINARY_MAGIC: &[u8] = b"GCDE";
 
 /// What to do, beside what the file says.
 #[derive(Clone, Copy, Debug, Default)]

@@ -5,6 +5,7 @@
 //! [`Reader`] later will, so that a line which cannot be sent is found before the
 //! heaters are on. Does not know printers' answers or terminals.
 use super::drive::{JobLine, Source, SourceError};
+use outrigger_gcode::BINARY_MAGIC;
 use outrigger_gcode::checksum::{fit, sendable};
 use std::io::Read;
 use thiserror::Error;
@@ -80,7 +81,7 @@ fn after(line: u64) -> String {
 /// What the beginning of a file says it is.
 const MAGICS: [(&[u8], &str, &str); 5] = [
     (
-        b"GCDE",
+        BINARY_MAGIC,
         "binary G-code (bgcode)",
         "switch it off in the slicer's printer settings, or convert the file first",
     ),

@@ -11,7 +11,7 @@ mod prusa;
 pub mod settings;
 mod slic3r;
 
-use crate::line::{Line, parse, split_lines};
+use crate::line::{Command, Line, parse, split_lines};
 pub use object::{ObjectMark, object};
 
 /// What a stretch of the print is.
@@ -152,6 +152,12 @@ impl Dialect {
     /// What the line says in this dialect; `None` when it says nothing known.
     #[must_use]
     pub fn mark<'a>(self, line: &Line<'a>) -> Option<Mark<'a>> {
+        // Nearly every line is a bare motion, which says nothing.
+        let mute = line.comment.is_empty()
+            && !matches!(line.command, Command::Named(_) | Command::Classic { letter: b'M', .. });
+        if mute {
+            return None;
+        }
         if let Some(object) = object(line) {
             return Some(Mark::Object(object));
         }

@@ -71,11 +71,8 @@ impl Emitter<'_> {
     fn begin_bead(&mut self, first: usize) {
         let row = self.layer.rows[first];
         self.settle(row.state);
-        let own_feed = parse(self.layer.bytes(row.span)).words.has(b'F');
-        if let What::Move(m, _) = row.what
-            && !own_feed
-        {
-            self.feed_line(m.feed, row.state);
+        if let What::Move(m, _) = row.what {
+            self.feed_for(&parse(self.layer.bytes(row.span)), m.feed, row.state);
         }
     }
 

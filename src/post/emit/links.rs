@@ -9,6 +9,10 @@ use outrigger_gcode::line::{Command, parse};
 use outrigger_gcode::state::{Kind, Move};
 use std::ops::Range;
 
+/// Longest wipe that is made, mm: slicers wipe some millimetres, and a file that
+/// claims kilometres must not make as many turns over a short bead.
+const MAX_WIPE_MM: f64 = 100.0;
+
 impl Emitter<'_> {
     /// Goes to where a bead starts, over the rows that stood before it in the file.
     /// `old` is where the file went from and to.
@@ -174,9 +178,7 @@ impl Emitter<'_> {
         if !begin.is_empty() {
             self.add(What::WipeMark, state, |out| out.extend_from_slice(begin));
         }
-        if !parse(&wipe.line.text).words.has(b'F') {
-            self.feed_line(wipe.line.feed, state);
-        }
+        self.feed_for(&parse(&wipe.line.text), wipe.line.feed, state);
         let unit = 10f64.powi(i32::from(self.layer.style.e_decimals));
         let total = wipe.e * (length / wipe.length_mm).min(1.0);
         let (mut gone, mut pulled) = (0.0, 0.0);
@@ -214,7 +216,7 @@ impl Emitter<'_> {
         if whole < 0.05 || distance_mm(forward[0], self.at()) > SAME_MM {
             return path;
         }
-        let mut left = length_mm;
+        let mut left = length_mm.min(MAX_WIPE_MM);
         let mut back = false;
         while left > SAME_MM {
             let stops: Vec<Point> =
@@ -322,11 +324,34 @@ impl Emitter<'_> {
     /// A travel of the file, led to another place.
     fn copy_to(&mut self, row: &Row, m: Move, to: Point) {
         let line = parse(self.layer.bytes(row.span));
-        if !line.words.has(b'F') && self.cursor.feed != m.feed {
-            self.feed_line(m.feed, row.state);
-        }
+        self.feed_for(&line, m.feed, row.state);
         let changes = [self.set(0, to[0]), self.set(1, to[1])];
         let led = Move { from: self.cursor.position, to: [to[0], to[1], m.to[2]], ..m };
         self.add(What::Move(led, Kind::Travel), row.state, |out| rewrite(&line, line.head, &changes, out));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::annotate::Layers;
+    use super::super::super::section::{Neighbours, beads};
+    use super::*;
+    use outrigger_gcode::dialect::Dialect;
+
+    #[test]
+    fn a_wipe_goes_back_and_forth_and_no_further_than_any_slicers() {
+        let job = "M83\n;TYPE:Internal infill\nG1 X1 Y1 F600\nG1 X2 E1\n";
+        let layer = Layers::new(job.as_bytes(), Dialect::Prusa).next_layer().unwrap().unwrap();
+        let bead = beads(&layer, Neighbours::default())[0];
+        let mut emitter = Emitter::new(&layer);
+        emitter.copy_all(0..bead.first);
+        emitter.fixed_bead(&bead);
+        let check = |length_mm: f64, points: usize, end: Point| {
+            let path = emitter.wipe_points(length_mm);
+            assert_eq!((path.len(), path[path.len() - 1]), (points, end), "{length_mm}");
+        };
+        check(0.5, 2, [1.5, 1.0]);
+        check(1.5, 3, [1.5, 1.0]);
+        check(1e9, 101, [2.0, 1.0]);
     }
 }

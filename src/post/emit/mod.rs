@@ -8,6 +8,7 @@ mod beads;
 mod links;
 
 use super::layer::{Channel, Layer, Modes, Row, Span, What};
+use super::measure::RETRACTED_MM;
 use super::rewrite::{Change, rewrite};
 use super::section::BeadRows;
 use crate::toolpath::bead::{Point, distance_mm};
@@ -20,9 +21,6 @@ use std::ops::Range;
 /// Two positions or filament lengths closer than this are the same, mm (the last
 /// digit of any slicer's numbers is 1e-6 or more).
 const SAME_MM: f64 = 1e-9;
-
-/// Filament pulled back by more than this is a retraction, mm.
-const RETRACTED_MM: f64 = 0.02;
 
 /// How feed rates are written.
 const FEED: Format = Format { decimals: 6, bare_point: false };
@@ -74,6 +72,7 @@ pub(super) struct Emitter<'a> {
     pub(super) added: Vec<u8>,
     cursor: Cursor,
 }
+
 impl<'a> Emitter<'a> {
     pub(super) fn new(layer: &'a Layer) -> Emitter<'a> {
         let start = &layer.start;
@@ -176,11 +175,14 @@ impl<'a> Emitter<'a> {
         (b"XYZ"[axis], Change::Set(value, self.xyz()))
     }
 
+    fn e_format(&self) -> Format {
+        Format { decimals: self.layer.style.e_decimals, bare_point: self.layer.style.bare_point }
+    }
+
     /// A change of E that pushes `e` mm.
     fn set_e(&self, e: f64) -> (u8, Change) {
-        let format =
-            Format { decimals: self.layer.style.e_decimals, bare_point: self.layer.style.bare_point };
-        (b'E', Change::Set(if self.cursor.absolute_e { self.cursor.e + e } else { e }, format))
+        let value = if self.cursor.absolute_e { self.cursor.e + e } else { e };
+        (b'E', Change::Set(value, self.e_format()))
     }
 
     /// Sets the feed rate by a line of its own.
@@ -196,6 +198,13 @@ impl<'a> Emitter<'a> {
             write_decimal(out, feed, FEED);
             out.extend_from_slice(ending);
         });
+    }
+
+    /// Sets the feed rate for a line that does not set it itself.
+    fn feed_for(&mut self, line: &Line<'_>, feed: f64, state: u32) {
+        if !line.words.has(b'F') {
+            self.feed_line(feed, state);
+        }
     }
 
     /// Sets every setting that differs from what `state` had.
@@ -220,10 +229,7 @@ impl<'a> Emitter<'a> {
             return self.push(*row);
         }
         let line = parse(self.layer.bytes(row.span));
-        let has_feed = line.words.has(b'F');
-        if !has_feed && self.cursor.feed != m.feed {
-            self.feed_line(m.feed, row.state);
-        }
+        self.feed_for(&line, m.feed, row.state);
         let mut changes: [Option<(u8, Change)>; 3] = [None; 3];
         let mut to = m.to;
         if apart {
@@ -273,9 +279,7 @@ impl<'a> Emitter<'a> {
         let end = &self.layer.end;
         let state = self.layer.states.len() as u32 - 1;
         if self.cursor.absolute_e && (self.cursor.e - end.e).abs() > SAME_MM {
-            let e = end.e;
-            let (_, change) = self.set_e(0.0);
-            let Change::Set(_, format) = change else { return };
+            let (e, format) = (end.e, self.e_format());
             let ending = self.layer.style.ending();
             self.add(What::SetE(e), state, |out| {
                 out.extend_from_slice(b"G92 E");

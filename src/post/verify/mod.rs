@@ -46,6 +46,7 @@ const BOUNDS_MM: f64 = 0.01;
 
 /// Marlin takes 95 bytes of a framed line; `N12345678 ` and `*255` are 14 of them.
 const MAX_CODE_BYTES: usize = 81;
+
 /// What both files measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {

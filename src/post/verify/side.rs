@@ -187,11 +187,6 @@ impl Side {
     }
 
     fn mark<'a>(&mut self, line: &Line<'a>) -> Option<Mark<'a>> {
-        let mute = line.comment.is_empty()
-            && !matches!(line.command, Command::Named(_) | Command::Classic { letter: b'M', .. });
-        if mute {
-            return None;
-        }
         let mark = self.dialect.and_then(|d| d.mark(line));
         self.layers += u64::from(mark == Some(Mark::Layer));
         mark
