@@ -1,8 +1,12 @@
 //! Outrigger: the rooms behind the `outrigger` binary. ARCHITECTURE.md is the map.
 pub mod cli;
+pub mod detect;
+pub mod layers;
+pub mod mesh;
 pub mod post;
 pub mod printer;
 pub mod profile;
 pub mod report;
+pub mod resin;
 pub mod toolpath;
 pub mod units;

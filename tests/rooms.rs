@@ -8,11 +8,15 @@ use std::path::{Path, PathBuf};
 /// A room, and the rooms that it may import.
 const RULES: &[(&str, &[&str])] = &[
     ("units.rs", &[]),
-    ("toolpath", &["units"]),
+    ("mesh", &["units"]),
+    ("resin", &["units"]),
+    ("layers", &["mesh", "resin", "units"]),
+    ("detect", &["layers", "mesh", "units"]),
+    ("toolpath", &["layers", "units"]),
     ("profile", &["units"]),
     ("printer", &["units"]),
     ("post", &["toolpath", "units"]),
-    ("report", &["post", "toolpath", "units"]),
+    ("report", &["detect", "layers", "post", "toolpath", "units"]),
 ];
 
 /// A crate or module of the outside, and the only places that may name it.
@@ -20,6 +24,10 @@ const ONLY: &[(&str, &[&str])] = &[
     ("serialport", &["src/printer/port.rs"]),
     ("tokio_serial", &["src/printer/port.rs"]),
     ("nix::sys", &["src/printer/port.rs", "src/printer/mock/pty/"]),
+    ("stl_io", &["src/mesh/stl.rs"]),
+    ("i_overlay", &["src/layers/polygon.rs"]),
+    ("geo_clipper", &["src/layers/polygon.rs"]),
+    ("geo_types", &["src/layers/polygon.rs"]),
     ("indicatif", &["src/cli/"]),
     ("clap", &["src/cli/"]),
     ("std::fs", &["src/cli/", "src/printer/", "src/profile"]),

@@ -1,0 +1,1 @@
+//! Layers from sliced G-code: the beads of each layer, each swept with its width, united.

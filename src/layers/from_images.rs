@@ -1,0 +1,1 @@
+//! Layers from the images of a resin job: contours at half brightness.

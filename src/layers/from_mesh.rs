@@ -1,0 +1,1 @@
+//! Layers from a mesh: every triangle against every plane, by a sweep.

@@ -1,0 +1,16 @@
+//! A job as a stack of layers: polygons at each height, whatever it came from.
+//!
+//! Takes a mesh, sliced G-code or the images of a resin job, gives [`stack::Layer`]s
+//! from the plate up. Everything that analyses a job sees these and nothing else.
+//!
+//! # Layout
+//! - [`shape`]: points on a grid, polygons with holes, their measures
+//! - [`polygon`]: booleans, predicates and offsets; alone names the polygon libraries
+//! - [`stack`]: a layer, and where layers come from
+//! - [`from_mesh`], [`from_gcode`], [`from_images`]: the three places
+pub mod from_gcode;
+pub mod from_images;
+pub mod from_mesh;
+pub mod polygon;
+pub mod shape;
+pub mod stack;
