@@ -44,7 +44,9 @@ pub enum SliceError {
     #[error("the mesh holds no triangle: export it again from the program it comes from")]
     Empty,
     /// A height no printer can do.
-    #[error("a layer height of {mm} mm cannot be used: give {option} from {MIN_LAYER_MM} to {MAX_LAYER_MM} (mm)")]
+    #[error(
+        "a layer height of {mm} mm cannot be used: give {option} from {MIN_LAYER_MM} to {MAX_LAYER_MM} (mm)"
+    )]
     LayerHeight {
         /// Option that asks for it.
         option: &'static str,
@@ -74,7 +76,9 @@ pub enum SliceError {
         first_mm: f64,
     },
     /// Not a number, or far outside of any printer.
-    #[error("vertex {vertex} has a coordinate of {mm} mm, beyond ±53 m: give the right size with --height-mm")]
+    #[error(
+        "vertex {vertex} has a coordinate of {mm} mm, beyond ±53 m: give the right size with --height-mm"
+    )]
     Coordinate {
         /// Its place in the mesh, from 0.
         vertex: usize,
@@ -88,7 +92,9 @@ pub enum SliceError {
         mm: f64,
     },
     /// The caller made a mesh whose parts do not fit each other.
-    #[error("triangle {triangle} names vertices or neighbours that are not its own: the mesh was put together wrongly")]
+    #[error(
+        "triangle {triangle} names vertices or neighbours that are not its own: the mesh was put together wrongly"
+    )]
     Mesh {
         /// Its place in the mesh, from 0.
         triangle: usize,
@@ -207,8 +213,7 @@ impl<'a> FromMesh<'a> {
         }
         let mut place = begin.clone();
         let mut crossed = vec![0_u32; total];
-        let started =
-            self.schedule.begin[batch.start] as usize..self.schedule.begin[batch.end] as usize;
+        let started = self.schedule.begin[batch.start] as usize..self.schedule.begin[batch.end] as usize;
         self.active.extend_from_slice(&self.schedule.triangles[started]);
         let (corners, triangles) = (&self.corners, &self.mesh.triangles);
         self.active.retain(|&t| {

@@ -17,7 +17,9 @@ pub(super) fn tidy(ring: &mut Ring) {
     let mut kept = 0;
     for k in 0..ring.len() {
         let point = ring[k];
-        while kept > 0 && (ring[kept - 1] == point || kept > 1 && !bends(ring[kept - 2], ring[kept - 1], point)) {
+        while kept > 0
+            && (ring[kept - 1] == point || kept > 1 && !bends(ring[kept - 2], ring[kept - 1], point))
+        {
             kept -= 1;
         }
         ring[kept] = point;

@@ -81,8 +81,7 @@ impl Surface<'_> {
 
     /// The edge of a crossed triangle that goes up through the plane, or down.
     fn edge(&self, triangle: u32, plane: Plane, up: bool) -> u32 {
-        let below =
-            self.triangles[triangle as usize].map(|v| self.corners[v as usize].level <= plane.number);
+        let below = self.triangles[triangle as usize].map(|v| self.corners[v as usize].level <= plane.number);
         let found = (0..3).find(|&k| below[k] == up && below[(k + 1) % 3] != up);
         debug_assert!(found.is_some(), "the plane crosses the triangle");
         3 * triangle + found.unwrap_or_default() as u32
@@ -127,14 +126,7 @@ impl Surface<'_> {
     }
 
     /// Walks back from an edge that goes down to a rim, collecting crossings.
-    fn walk_back(
-        &self,
-        start: u32,
-        down: u32,
-        plane: Plane,
-        visited: &mut Visited,
-        points: &mut Vec<Point>,
-    ) {
+    fn walk_back(&self, start: u32, down: u32, plane: Plane, visited: &mut Visited, points: &mut Vec<Point>) {
         let mut down = down;
         loop {
             let (triangle, k) = (down as usize / 3, down as usize % 3);
