@@ -19,7 +19,11 @@ const DEFLATE_MOST: usize = 1032;
 ///
 /// # Errors
 /// It is damaged, or gives less or more.
-pub(super) fn unpack(data: &[u8], compression: Compression, unpacked_bytes: u32) -> Result<Cow<'_, [u8]>, Fault> {
+pub(super) fn unpack(
+    data: &[u8],
+    compression: Compression,
+    unpacked_bytes: u32,
+) -> Result<Cow<'_, [u8]>, Fault> {
     let wrong = || Fault::Unpack { expected: unpacked_bytes };
     let size = unpacked_bytes as usize;
     let out = match compression {

@@ -44,7 +44,9 @@ pub enum Fault {
     #[error("the checksum is wrong: the file is damaged, export it or copy it again")]
     Checksum,
     /// A block announces more than any slicer writes.
-    #[error("announces {size} bytes, more than the {limit} that a {kind} block may have: the file is damaged")]
+    #[error(
+        "announces {size} bytes, more than the {limit} that a {kind} block may have: the file is damaged"
+    )]
     TooLarge {
         /// Of which kind.
         kind: Kind,
@@ -54,7 +56,9 @@ pub enum Fault {
         limit: u32,
     },
     /// Less or more than announced came out, or nothing that can be unpacked.
-    #[error("does not unpack to the {expected} bytes that it announces: the file is damaged, export it again")]
+    #[error(
+        "does not unpack to the {expected} bytes that it announces: the file is damaged, export it again"
+    )]
     Unpack {
         /// What the header says, bytes.
         expected: u32,

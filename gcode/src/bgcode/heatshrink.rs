@@ -239,9 +239,8 @@ mod tests {
 
     /// Data with repetitions near and far.
     fn pieces(pieces: &[(u8, usize)]) -> Vec<u8> {
-        let piece = |&(seed, len): &(u8, usize)| {
-            (0..len).map(move |k| (k as u8).wrapping_mul(seed) ^ (k >> 5) as u8)
-        };
+        let piece =
+            |&(seed, len): &(u8, usize)| (0..len).map(move |k| (k as u8).wrapping_mul(seed) ^ (k >> 5) as u8);
         pieces.iter().flat_map(piece).collect()
     }
 

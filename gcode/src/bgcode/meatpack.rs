@@ -305,7 +305,10 @@ mod tests {
         // Two whole ones: T, A.
         check(&[ON, b"\xffTA\xcc"], "TA\n");
         // Off again: a comment; on again.
-        check(&[BOTH_ON, b"\x8fM\xc4\xff\xff\xfa;A B\n\xff\xff\xfb\x8fM\xc4\xff\xff\xf9"], "M84\n;A B\nM84\n");
+        check(
+            &[BOTH_ON, b"\x8fM\xc4\xff\xff\xfa;A B\n\xff\xff\xfb\x8fM\xc4\xff\xff\xf9"],
+            "M84\n;A B\nM84\n",
+        );
         // The second half after a line feed is nothing, even a whole one's.
         check(&[ON, b"\x1d\xfc\x1d\xcc"], "G1\nG1\n");
         // Blank lines go, but for one before all.

@@ -81,7 +81,8 @@ mod tests {
     fn finds_the_gcode() {
         let sum = Checksum::Crc32;
         let metadata = block(Kind::FileMetadata, &[0, 0], b"a=b\n", Compression::None, sum);
-        let gcode = |encoding: u8, compression| block(Kind::GCode, &[encoding, 0], b"G28\n", compression, sum);
+        let gcode =
+            |encoding: u8, compression| block(Kind::GCode, &[encoding, 0], b"G28\n", compression, sum);
         let plain = gcode(0, Compression::None);
         let check = |blocks: &[&[u8]], expect: (u32, usize, usize, bool, bool)| {
             let mut file = file_header(sum).to_vec();

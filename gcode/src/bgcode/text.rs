@@ -4,7 +4,7 @@
 //! the file's name), gives the text as a `BufRead`. Text is passed on as it is.
 //! Memory for binary G-code: one block, at most 16 MiB as it stands in the file
 //! and unpacked; libbgcode's have 64 KiB.
-use super::error::{Error, Fault};
+use super::error::Error;
 use super::header::{Encoding, Kind, MAGIC};
 use super::meatpack::Unpacker;
 use super::reader::{Block, Reader};
@@ -206,6 +206,7 @@ fn comments(block: &Block, out: &mut Vec<u8>) -> Result<(), Error> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::error::Fault;
     use super::super::header::{Checksum, Compression};
     use super::super::writer::{Packing, Writer, block, file_header};
     use super::*;
