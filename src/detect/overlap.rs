@@ -7,6 +7,7 @@
 //!
 //! Paper 003, section 3.2 asks the same question by two booleans (is anything left of
 //! the loop when its residual is taken away?); here no area is computed.
+use super::slabs::{Edge, Slabs, edges};
 use crate::layers::shape::{Bounds, Point, Polygon};
 use std::sync::OnceLock;
 
@@ -18,8 +19,6 @@ enum Place {
     Border,
     Outside,
 }
-
-type Edge = (Point, Point);
 
 /// Edges of a polygon that has fewer than this are looked through one by one.
 const INDEXED_FROM: usize = 64;
@@ -36,21 +35,8 @@ pub struct Outline<'a> {
     slabs: OnceLock<Slabs>,
 }
 
-/// The edges by height, so that a point looks only at those beside it. Holds at most
-/// three entries an edge, whatever the shape.
-#[derive(Debug)]
-struct Slabs {
-    bottom: i64,
-    height: i64,
-    starts: Vec<u32>,
-    edges: Vec<Edge>,
-}
-
-fn edges_of(polygon: &Polygon) -> impl Iterator<Item = Edge> + '_ {
-    polygon.rings.iter().flat_map(|ring| {
-        let from = ring.iter().copied();
-        from.zip(ring.iter().copied().cycle().skip(1)).filter(|(a, b)| a != b)
-    })
+fn edges_of(polygon: &Polygon) -> impl Iterator<Item = Edge> + Clone + '_ {
+    polygon.rings.iter().flat_map(edges)
 }
 
 /// Twice the area of the triangle `a b p`: positive where `p` lies to the left of `a → b`.
@@ -100,47 +86,6 @@ fn beside((a, b): Edge, p: Halved) -> Beside {
     if level || (ax, ay) == (p.x, p.y) || (bx, by) == (p.x, p.y) { Beside::On } else { Beside::Not }
 }
 
-impl Slabs {
-    fn new(polygon: &Polygon, bounds: Bounds, count: usize) -> Slabs {
-        let tall = |(a, b): Edge| (i64::from(a.y) - i64::from(b.y)).abs();
-        let total: i64 = edges_of(polygon).map(tall).sum();
-        let bottom = i64::from(bounds.min.y);
-        let span = i64::from(bounds.max.y) - bottom;
-        let count = i64::try_from(count).unwrap_or(i64::MAX).max(1);
-        let height = (total / (2 * count)).max(span / count).max(1);
-        let slabs = usize::try_from(span / height).unwrap_or(0) + 1;
-        let at = |y: i32| usize::try_from((i64::from(y) - bottom) / height).unwrap_or(0);
-        let ends = |(a, b): Edge| (at(a.y.min(b.y)), at(a.y.max(b.y)));
-        let mut starts = vec![0_u32; slabs + 1];
-        for edge in edges_of(polygon) {
-            let (low, high) = ends(edge);
-            starts[low + 1..=high + 1].iter_mut().for_each(|n| *n += 1);
-        }
-        for k in 0..slabs {
-            starts[k + 1] += starts[k];
-        }
-        let mut next = starts.clone();
-        let mut edges = vec![(Point::default(), Point::default()); starts[slabs] as usize];
-        for edge in edges_of(polygon) {
-            let (low, high) = ends(edge);
-            for slot in &mut next[low..=high] {
-                edges[*slot as usize] = edge;
-                *slot += 1;
-            }
-        }
-        Slabs { bottom, height, starts, edges }
-    }
-
-    /// Edges that may lie beside a point within the bounds.
-    fn beside(&self, p: Halved) -> &[Edge] {
-        let slab = usize::try_from((p.y.div_euclid(2) - self.bottom) / self.height).unwrap_or(0);
-        match (self.starts.get(slab), self.starts.get(slab + 1)) {
-            (Some(&from), Some(&to)) => &self.edges[from as usize..to as usize],
-            _ => &[],
-        }
-    }
-}
-
 impl<'a> Outline<'a> {
     /// Makes a polygon ready.
     #[must_use]
@@ -164,8 +109,9 @@ impl<'a> Outline<'a> {
         if self.edges < INDEXED_FROM {
             edges_of(self.polygon).any(&mut see);
         } else {
-            let slabs = self.slabs.get_or_init(|| Slabs::new(self.polygon, self.bounds, self.edges));
-            slabs.beside(p).iter().any(|&e| see(e));
+            let slabs = self.slabs.get_or_init(|| Slabs::new(edges_of(self.polygon)));
+            // Half a step above a whole one, a point meets the edges of both neighbours.
+            slabs.near(p.y.div_euclid(2), p.y.div_euclid(2) + 1).iter().any(|&e| see(e));
         }
     }
 
@@ -395,4 +341,99 @@ pub(super) fn sweep(
         }
     }
     false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layers::polygon::{Inside, intersection, overlaps, resolve};
+    use crate::layers::shape::{Region, Ring};
+    use proptest::prelude::*;
+
+    /// Of a coarse grid: many shapes then share edges or vertices and nothing else.
+    const STEP: i32 = 5040;
+
+    /// Rings on the coarse grid.
+    fn rings(steps: i32, most: usize) -> impl Strategy<Value = Vec<Ring>> {
+        let point = (0..steps, 0..steps).prop_map(|(x, y)| Point { x: x * STEP, y: y * STEP });
+        prop::collection::vec(prop::collection::vec(point, 3..7), 1..most)
+    }
+
+    fn shape(steps: i32) -> impl Strategy<Value = Region> {
+        rings(steps, 5).prop_map(|r| resolve(&r, Inside::Odd))
+    }
+
+    /// The polygons with no vertex off the coarse grid. Only of these the library's
+    /// answer is exact: it rounds crossings to the grid, and so does not see what is
+    /// thinner than a step of it.
+    fn coarse(r: &Region) -> impl Iterator<Item = &Polygon> {
+        let on_grid = |p: &Point| p.x % STEP == 0 && p.y % STEP == 0;
+        r.polygons.iter().filter(move |p| p.rings.iter().flatten().all(on_grid))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(600))]
+
+        /// Quick proof, all edges, and the areas of full booleans agree.
+        #[test]
+        fn quick_and_full_agree(a in shape(7), b in shape(7)) {
+            for p in coarse(&a) {
+                for q in coarse(&b) {
+                    let (o, r) = (Outline::new(p), Outline::new(q));
+                    let exact = o.overlaps_by_edges(&r);
+                    prop_assert_eq!(r.overlaps_by_edges(&o), exact);
+                    prop_assert_eq!(overlaps(p, q), exact);
+                    prop_assert_eq!(o.overlaps(&r), exact);
+                    prop_assert!(exact || !o.surely_overlaps(&r));
+                    let only = |p: &Polygon| Region { polygons: vec![p.clone()] };
+                    prop_assert_eq!(!intersection(&only(p), &only(q)).is_empty(), exact);
+                }
+            }
+        }
+
+        /// The index by height sees what looking at all edges sees.
+        #[test]
+        fn the_index_changes_nothing(a in shape(9), x in 0..100_000_i64, y in 0..100_000_i64) {
+            for polygon in &a.polygons {
+                let plain = Outline::new(polygon);
+                let indexed = Outline { edges: INDEXED_FROM, ..Outline::new(polygon) };
+                for p in [Halved { x, y }, Halved { x: x / 10080 * 10080, y: y / 10080 * 10080 }] {
+                    prop_assert_eq!(plain.place(p), indexed.place(p));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_farthest_corners_do_not_overflow() {
+        let m = crate::layers::shape::MAX_COORDINATE;
+        let square = |lo: i32, hi: i32| Polygon {
+            rings: vec![[(lo, lo), (hi, lo), (hi, hi), (lo, hi)].map(|(x, y)| Point { x, y }).to_vec()],
+        };
+        let (all, part, other) = (square(-m, m), square(-m, -m + 1), square(m - 1, m));
+        let check = |a: &Polygon, b: &Polygon, expect: bool| {
+            assert_eq!(Outline::new(a).overlaps_by_edges(&Outline::new(b)), expect);
+            assert_eq!(Outline::new(a).overlaps(&Outline::new(b)), expect);
+        };
+        check(&all, &part, true);
+        check(&all, &all, true);
+        check(&part, &other, false);
+    }
+
+    #[test]
+    fn a_sweep_sees_each_pair_that_meets_once() {
+        let mine = [(0, 5), (3, 4), (9, 9), (6, 7)];
+        let theirs = [(5, 6), (-3, 0), (4, 20)];
+        let mut seen = Vec::new();
+        sweep(&mine, &theirs, |i, k| {
+            seen.push((i, k));
+            false
+        });
+        seen.sort_unstable();
+        let meet = |i: usize, k: usize| mine[i].0 <= theirs[k].1 && theirs[k].0 <= mine[i].1;
+        let expect: Vec<(u32, u32)> = (0..4)
+            .flat_map(|i| (0..3).filter(move |&k| meet(i, k)).map(move |k| (i as u32, k as u32)))
+            .collect();
+        assert_eq!(seen, expect);
+    }
 }
