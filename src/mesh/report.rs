@@ -44,7 +44,8 @@ pub struct Mended {
     pub cavities: u64,
     /// Half-edges without a neighbour: the length of all rims in edges.
     pub open_edges: u64,
-    /// Edges that more than two triangles share.
+    /// Edges that more than two triangles share: surfaces touch there, and two triangles
+    /// with solid between them are taken for neighbours.
     pub crowded_edges: u64,
     /// Area of all triangles, mm², before it was placed.
     pub area_mm2: f64,
@@ -72,8 +73,7 @@ impl Mended {
     /// What could not be mended and may print wrong; only what is there.
     #[must_use]
     pub fn left(&self) -> Vec<(u64, &'static str)> {
-        let all =
-            [(self.open_edges, "open edges left"), (self.crowded_edges, "edges of more than two triangles")];
+        let all = [(self.open_edges, "open edges left")];
         all.into_iter().filter(|a| a.0 > 0).collect()
     }
 
@@ -110,7 +110,13 @@ impl Report {
         };
         let mut rows = vec![(self.source.triangles, format), (m.shells, "shells")];
         rows.extend(
-            [(m.open_shells, "of them open"), (m.cavities, "of them hollows")].iter().filter(|r| r.0 > 0),
+            [
+                (m.open_shells, "of them open"),
+                (m.cavities, "of them hollows"),
+                (m.crowded_edges, "edges where surfaces touch"),
+            ]
+            .iter()
+            .filter(|r| r.0 > 0),
         );
         rows.extend(m.done());
         rows.extend(m.left());
