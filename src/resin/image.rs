@@ -128,10 +128,7 @@ impl Panel {
             (info.size(), info.interlaced)
         };
         let (width, height) = checked(size)?;
-        let [panel_width, panel_height] = self.picture_px();
-        if [width, height] != [panel_width, panel_height] {
-            return Err(ImageError::WrongSize { width, height, panel_width, panel_height });
-        }
+        self.fits([width, height])?;
         if interlaced && u64::from(width) * u64::from(height) > MAX_INTERLACED_PX {
             return Err(ImageError::Interlaced { width, height });
         }
@@ -148,11 +145,20 @@ impl Panel {
                 grey.row(row.data(), &mut show)?;
             }
         }
-        if grey.row != height {
-            // An animated PNG may announce a first frame that is smaller than the picture.
-            return Err(ImageError::WrongSize { width, height: grey.row, panel_width, panel_height });
+        // An animated PNG may announce a first frame that is smaller than the picture.
+        self.fits([width, grey.row])
+    }
+
+    /// Whether a picture of this width and height is one for it.
+    ///
+    /// # Errors
+    /// It is not.
+    pub fn fits(self, [width, height]: [u32; 2]) -> Result<(), ImageError> {
+        let [panel_width, panel_height] = self.picture_px();
+        if [width, height] == [panel_width, panel_height] {
+            return Ok(());
         }
-        Ok(())
+        Err(ImageError::WrongSize { width, height, panel_width, panel_height })
     }
 
     /// Reads a picture into memory.

@@ -190,7 +190,9 @@ fn panel<R: Read + Seek>(
     let height_px = said("PHeight", options.p_height, height)?;
     let third = width_px > 2 && width_px.div_ceil(3) == width;
     let packing = if third { Packing::Subpixels } else { Packing::Grey };
-    Ok(Panel { width_px, height_px, packing })
+    let panel = Panel { width_px, height_px, packing };
+    panel.fits([width, height]).map_err(picture)?;
+    Ok(panel)
 }
 
 fn layers(

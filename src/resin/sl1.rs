@@ -117,7 +117,8 @@ fn panel<R: Read + Seek>(
     let pixel_mm = [side("display_width", wide)?, side("display_height", high)?];
     let png = archive.read(first, super::archive::MAX_ENTRY_BYTES)?;
     let entry = archive.name(first).to_owned();
-    let found = size_px(&png).map_err(|source| JobError::Picture { layer: 0, entry, source })?;
+    let picture = |source| JobError::Picture { layer: 0, entry: entry.clone(), source };
+    let found = size_px(&png).map_err(picture)?;
     let said = slicer.get("display_orientation").is_some_and(|o| o.eq_ignore_ascii_case("portrait"));
     let portrait = if wide == high { said } else { found == [high, wide] || (said && found != [wide, high]) };
     let mirror = |key| slicer.get(key).is_some_and(|v| v == "1");
@@ -128,7 +129,9 @@ fn panel<R: Read + Seek>(
         swap: portrait,
     };
     let [width_px, height_px] = if portrait { [high, wide] } else { [wide, high] };
-    Ok((Panel { width_px, height_px, packing: Packing::Grey }, placement))
+    let panel = Panel { width_px, height_px, packing: Packing::Grey };
+    panel.fits(found).map_err(picture)?;
+    Ok((panel, placement))
 }
 
 /// A file of `key = value` lines.
