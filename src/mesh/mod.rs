@@ -5,6 +5,14 @@
 //!
 //! # Layout
 //! - [`Mesh`]: vertices, triangles, neighbours
+//! - [`stl`]: bytes → triangles; alone names the STL library
+//! - `index`: triangles → shared vertices; `twins`: → neighbours
+mod index;
+mod plain_text;
+pub mod stl;
+mod twins;
+
+use std::io::{Read, Seek};
 
 /// No half-edge runs the other way: the edge is on the rim of a hole.
 pub const OPEN: u32 = u32::MAX;
@@ -23,4 +31,57 @@ pub struct Mesh {
     /// For each half-edge the one that runs the other way along the same edge in
     /// the neighbour, or [`OPEN`]. `twins[twins[h]] == h`.
     pub twins: Vec<u32>,
+}
+
+/// What was mended, and what is left.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Report {
+    /// What the file was.
+    pub source: stl::Source,
+}
+
+/// Why there is no mesh.
+#[derive(Debug, thiserror::Error)]
+pub enum MeshError {
+    /// The file cannot be read as STL.
+    #[error(transparent)]
+    Stl(#[from] stl::StlError),
+    /// All triangles are lines or points.
+    #[error(
+        "all {triangles} triangles are lines or points, so there is nothing to print; export the model again"
+    )]
+    NoArea {
+        /// Triangles in the file.
+        triangles: u64,
+    },
+}
+
+/// Reads a mesh from an STL file, binary or ASCII, and mends what can be mended.
+///
+/// # Errors
+/// The file cannot be read, or holds nothing that has an area.
+pub fn read(input: &mut (impl Read + Seek)) -> Result<(Mesh, Report), MeshError> {
+    let mut index = index::Index::new();
+    let source = stl::read(input, &mut index)?;
+    if index.triangles.is_empty() {
+        return Err(MeshError::NoArea { triangles: source.triangles });
+    }
+    let vertices = index.vertices.iter().map(|v| v.map(f64::from)).collect();
+    let twins = twins::pair(&index.triangles, index.vertices.len()).twins;
+    Ok((Mesh { vertices, triangles: index.triangles, twins }, Report { source }))
+}
+
+impl Mesh {
+    /// Lowest and highest x, y and z, mm; infinities the wrong way round without vertices.
+    #[must_use]
+    pub fn bounds_mm(&self) -> [[f64; 3]; 2] {
+        let [mut low, mut high] = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        for v in &self.vertices {
+            for k in 0..3 {
+                low[k] = low[k].min(v[k]);
+                high[k] = high[k].max(v[k]);
+            }
+        }
+        [low, high]
+    }
 }

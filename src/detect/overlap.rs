@@ -1,0 +1,398 @@
+//! Whether two polygons share area, exactly.
+//!
+//! Takes polygons on the grid, gives a yes or a no that no rounding touches: two that
+//! meet along an edge or in a vertex only share nothing. A quick proof (a vertex of one
+//! strictly inside the other, or an edge that both have) spares most of the work; what
+//! it leaves is decided from all edges ([`Outline::overlaps`]). Knows no layer.
+//!
+//! Paper 003, section 3.2 asks the same question by two booleans (is anything left of
+//! the loop when its residual is taken away?); here no area is computed.
+use crate::layers::shape::{Bounds, Point, Polygon};
+use std::sync::OnceLock;
+
+/// Where a point lies with regard to a polygon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    Inside,
+    /// On an edge, or on a vertex.
+    Border,
+    Outside,
+}
+
+type Edge = (Point, Point);
+
+/// Edges of a polygon that has fewer than this are looked through one by one.
+const INDEXED_FROM: usize = 64;
+
+/// Vertices of each polygon that the quick proof tries.
+const TRIED: usize = 6;
+
+/// A polygon made ready for questions.
+#[derive(Debug)]
+pub struct Outline<'a> {
+    polygon: &'a Polygon,
+    bounds: Bounds,
+    edges: usize,
+    slabs: OnceLock<Slabs>,
+}
+
+/// The edges by height, so that a point looks only at those beside it. Holds at most
+/// three entries an edge, whatever the shape.
+#[derive(Debug)]
+struct Slabs {
+    bottom: i64,
+    height: i64,
+    starts: Vec<u32>,
+    edges: Vec<Edge>,
+}
+
+fn edges_of(polygon: &Polygon) -> impl Iterator<Item = Edge> + '_ {
+    polygon.rings.iter().flat_map(|ring| {
+        let from = ring.iter().copied();
+        from.zip(ring.iter().copied().cycle().skip(1)).filter(|(a, b)| a != b)
+    })
+}
+
+/// Twice the area of the triangle `a b p`: positive where `p` lies to the left of `a → b`.
+fn turn(a: Point, b: Point, p: Point) -> i64 {
+    let (ax, ay) = (i64::from(a.x), i64::from(a.y));
+    (i64::from(b.x) - ax) * (i64::from(p.y) - ay) - (i64::from(b.y) - ay) * (i64::from(p.x) - ax)
+}
+
+/// A point in half steps of the grid, so that the middle of an edge is one.
+#[derive(Clone, Copy)]
+struct Halved {
+    x: i64,
+    y: i64,
+}
+
+impl Halved {
+    fn of(p: Point) -> Halved {
+        Halved { x: 2 * i64::from(p.x), y: 2 * i64::from(p.y) }
+    }
+
+    fn middle(a: Point, b: Point) -> Halved {
+        Halved { x: i64::from(a.x) + i64::from(b.x), y: i64::from(a.y) + i64::from(b.y) }
+    }
+}
+
+/// What one edge says of a point.
+enum Beside {
+    On,
+    /// A ray from the point to the right crosses the edge.
+    Crossed,
+    Not,
+}
+
+fn beside((a, b): Edge, p: Halved) -> Beside {
+    let (ay, by) = (2 * i64::from(a.y), 2 * i64::from(b.y));
+    if (ay > p.y) != (by > p.y) {
+        let (dx, dy) = (i64::from(b.x) - i64::from(a.x), i64::from(b.y) - i64::from(a.y));
+        let side = dx * (p.y - ay) - dy * (p.x - 2 * i64::from(a.x));
+        return match side {
+            0 => Beside::On,
+            s if (s > 0) == (dy > 0) => Beside::Crossed,
+            _ => Beside::Not,
+        };
+    }
+    let (ax, bx) = (2 * i64::from(a.x), 2 * i64::from(b.x));
+    let level = ay == p.y && by == p.y && ax.min(bx) <= p.x && p.x <= ax.max(bx);
+    if level || (ax, ay) == (p.x, p.y) || (bx, by) == (p.x, p.y) { Beside::On } else { Beside::Not }
+}
+
+impl Slabs {
+    fn new(polygon: &Polygon, bounds: Bounds, count: usize) -> Slabs {
+        let tall = |(a, b): Edge| (i64::from(a.y) - i64::from(b.y)).abs();
+        let total: i64 = edges_of(polygon).map(tall).sum();
+        let bottom = i64::from(bounds.min.y);
+        let span = i64::from(bounds.max.y) - bottom;
+        let count = i64::try_from(count).unwrap_or(i64::MAX).max(1);
+        let height = (total / (2 * count)).max(span / count).max(1);
+        let slabs = usize::try_from(span / height).unwrap_or(0) + 1;
+        let at = |y: i32| usize::try_from((i64::from(y) - bottom) / height).unwrap_or(0);
+        let ends = |(a, b): Edge| (at(a.y.min(b.y)), at(a.y.max(b.y)));
+        let mut starts = vec![0_u32; slabs + 1];
+        for edge in edges_of(polygon) {
+            let (low, high) = ends(edge);
+            starts[low + 1..=high + 1].iter_mut().for_each(|n| *n += 1);
+        }
+        for k in 0..slabs {
+            starts[k + 1] += starts[k];
+        }
+        let mut next = starts.clone();
+        let mut edges = vec![(Point::default(), Point::default()); starts[slabs] as usize];
+        for edge in edges_of(polygon) {
+            let (low, high) = ends(edge);
+            for slot in &mut next[low..=high] {
+                edges[*slot as usize] = edge;
+                *slot += 1;
+            }
+        }
+        Slabs { bottom, height, starts, edges }
+    }
+
+    /// Edges that may lie beside a point within the bounds.
+    fn beside(&self, p: Halved) -> &[Edge] {
+        let slab = usize::try_from((p.y.div_euclid(2) - self.bottom) / self.height).unwrap_or(0);
+        match (self.starts.get(slab), self.starts.get(slab + 1)) {
+            (Some(&from), Some(&to)) => &self.edges[from as usize..to as usize],
+            _ => &[],
+        }
+    }
+}
+
+impl<'a> Outline<'a> {
+    /// Makes a polygon ready.
+    #[must_use]
+    pub fn new(polygon: &'a Polygon) -> Outline<'a> {
+        Outline { polygon, bounds: polygon.bounds(), edges: polygon.len(), slabs: OnceLock::new() }
+    }
+
+    /// Bounds of the polygon.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    fn holds(&self, p: Halved) -> bool {
+        let (min, max) = (Halved::of(self.bounds.min), Halved::of(self.bounds.max));
+        min.x <= p.x && p.x <= max.x && min.y <= p.y && p.y <= max.y
+    }
+
+    /// Hands every edge that may lie beside the point to `see`, until it says enough.
+    fn each_beside(&self, p: Halved, mut see: impl FnMut(Edge) -> bool) {
+        if self.edges < INDEXED_FROM {
+            edges_of(self.polygon).any(&mut see);
+        } else {
+            let slabs = self.slabs.get_or_init(|| Slabs::new(self.polygon, self.bounds, self.edges));
+            slabs.beside(p).iter().any(|&e| see(e));
+        }
+    }
+
+    fn place(&self, p: Halved) -> Place {
+        if !self.holds(p) {
+            return Place::Outside;
+        }
+        let (mut inside, mut border) = (false, false);
+        self.each_beside(p, |edge| {
+            match beside(edge, p) {
+                Beside::On => border = true,
+                Beside::Crossed => inside = !inside,
+                Beside::Not => {}
+            }
+            border
+        });
+        match (border, inside) {
+            (true, _) => Place::Border,
+            (_, true) => Place::Inside,
+            _ => Place::Outside,
+        }
+    }
+
+    /// Whether an edge through this point of the border runs the way `a → b` runs.
+    fn runs_along(&self, p: Halved, (a, b): Edge) -> bool {
+        let way = |(a, b): Edge| (i64::from(b.x) - i64::from(a.x), i64::from(b.y) - i64::from(a.y));
+        let (ux, uy) = way((a, b));
+        let mut along = false;
+        self.each_beside(p, |edge| {
+            let (vx, vy) = way(edge);
+            let same = matches!(beside(edge, p), Beside::On) && ux * vy == uy * vx;
+            // Parallel: the signs alone tell whether they run the same way.
+            along = same && ux.signum() == vx.signum() && uy.signum() == vy.signum();
+            along
+        });
+        along
+    }
+
+    /// A point of the polygon strictly inside the other, if a few tries find one.
+    fn proves(&self, other: &Outline<'_>) -> bool {
+        let Some(outer) = self.polygon.rings.first() else { return false };
+        let step = (outer.len() / TRIED).max(1);
+        outer.iter().step_by(step).take(TRIED).any(|&p| other.place(Halved::of(p)) == Place::Inside)
+    }
+
+    /// Whether a few tries prove that the two share area; no is no proof of anything.
+    #[must_use]
+    pub fn surely_overlaps(&self, other: &Outline<'_>) -> bool {
+        self.bounds.overlap(other.bounds)
+            && (self.polygon == other.polygon || self.proves(other) || other.proves(self))
+    }
+
+    /// Whether the two share area.
+    ///
+    /// ```
+    /// use outrigger::detect::overlap::Outline;
+    /// use outrigger::layers::shape::{Point, Polygon};
+    /// let square = |x: f64| Polygon {
+    ///     rings: vec![[(0., 0.), (1., 0.), (1., 1.), (0., 1.)].map(|p| Point::from_mm(p.0 + x, p.1)).to_vec()],
+    /// };
+    /// let (a, b, c) = (square(0.0), square(1.0), square(0.9999));
+    /// assert!(!Outline::new(&a).overlaps(&Outline::new(&b)), "they share an edge");
+    /// assert!(Outline::new(&a).overlaps(&Outline::new(&c)));
+    /// ```
+    #[must_use]
+    pub fn overlaps(&self, other: &Outline<'_>) -> bool {
+        self.surely_overlaps(other) || self.overlaps_by_edges(other)
+    }
+
+    /// The same from all edges, exactly and without a quick proof.
+    ///
+    /// Where two edges cross properly there is area on all four sides. Where none do,
+    /// edges meet in vertices only; cut there, each piece of an edge lies inside,
+    /// outside or on the border of the other polygon as its middle does. Two open
+    /// connected sets share area exactly if a piece of one's border lies inside the
+    /// other, or along its border with the material on the same side.
+    #[must_use]
+    pub fn overlaps_by_edges(&self, other: &Outline<'_>) -> bool {
+        if !self.bounds.overlap(other.bounds) {
+            return false;
+        }
+        let mut mine = Pieces::new(self, other.bounds);
+        let mut theirs = Pieces::new(other, self.bounds);
+        mine.cut_by(&mut theirs) || mine.enter(other) || theirs.enter(self)
+    }
+}
+
+/// The edges of a polygon that reach into some bounds, and where others touch them.
+struct Pieces {
+    edges: Vec<Edge>,
+    /// Whether the edge goes on from the one before it in `edges`.
+    goes_on: Vec<bool>,
+    /// Vertices of the other polygon on an edge: its index, the point.
+    contacts: Vec<(u32, Point)>,
+}
+
+impl Pieces {
+    fn new(outline: &Outline<'_>, window: Bounds) -> Pieces {
+        let mut pieces = Pieces { edges: Vec::new(), goes_on: Vec::new(), contacts: Vec::new() };
+        for edge in edges_of(outline.polygon) {
+            let b = Bounds::of(&[edge.0, edge.1]);
+            let reaches = b.min.x <= window.max.x
+                && window.min.x <= b.max.x
+                && b.min.y <= window.max.y
+                && window.min.y <= b.max.y;
+            if reaches {
+                pieces.goes_on.push(pieces.edges.last().is_some_and(|last| last.1 == edge.0));
+                pieces.edges.push(edge);
+            }
+        }
+        pieces
+    }
+
+    /// Finds where the edges meet; true as soon as two cross properly.
+    fn cut_by(&mut self, other: &mut Pieces) -> bool {
+        // Sweeping along the axis in which the edges are shorter leaves fewer pairs.
+        let extent = |edges: &[Edge], of: fn(Point) -> i32| -> i64 {
+            edges.iter().map(|&(a, b)| (i64::from(of(a)) - i64::from(of(b))).abs()).sum()
+        };
+        let (x, y): (fn(Point) -> i32, fn(Point) -> i32) = (|p| p.x, |p| p.y);
+        let total = |of| extent(&self.edges, of) + extent(&other.edges, of);
+        let along = if total(x) < total(y) { x } else { y };
+        let spans = |edges: &[Edge]| -> Vec<(i32, i32)> {
+            edges.iter().map(|&(a, b)| (along(a).min(along(b)), along(a).max(along(b)))).collect()
+        };
+        let (mine, theirs) = (&self.edges, &other.edges);
+        let (contacts, their_contacts) = (&mut self.contacts, &mut other.contacts);
+        sweep(&spans(mine), &spans(theirs), |i, k| {
+            let ((a, b), (c, d)) = (mine[i as usize], theirs[k as usize]);
+            let sides = [turn(c, d, a), turn(c, d, b), turn(a, b, c), turn(a, b, d)].map(i64::signum);
+            if sides[0] * sides[1] < 0 && sides[2] * sides[3] < 0 {
+                return true;
+            }
+            for (p, side) in [(a, sides[0]), (b, sides[1])] {
+                if side == 0 && within(p, c, d) {
+                    contacts.push((i, p));
+                    their_contacts.push((k, p));
+                }
+            }
+            for (p, side) in [(c, sides[2]), (d, sides[3])] {
+                if side == 0 && within(p, a, b) {
+                    contacts.push((i, p));
+                    their_contacts.push((k, p));
+                }
+            }
+            false
+        })
+    }
+
+    /// Whether a piece of an edge lies inside the polygon, or along its border with
+    /// the material on the same side. No edges cross properly, contacts are known.
+    fn enter(&mut self, polygon: &Outline<'_>) -> bool {
+        self.contacts.sort_unstable();
+        self.contacts.dedup();
+        let mut contacts = self.contacts.as_slice();
+        for (i, &(a, b)) in self.edges.iter().enumerate() {
+            let here = contacts.iter().take_while(|c| c.0 as usize == i).count();
+            let (points, rest) = contacts.split_at(here);
+            contacts = rest;
+            // What goes on untouched lies where the piece before it did.
+            if points.is_empty() && self.goes_on[i] {
+                continue;
+            }
+            let mut stops: Vec<Point> = points.iter().map(|c| c.1).chain([a, b]).collect();
+            stops.sort_unstable();
+            stops.dedup();
+            if stops.windows(2).any(|s| piece_enters(polygon, (a, b), s[0], s[1])) {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+fn piece_enters(polygon: &Outline<'_>, edge: Edge, from: Point, to: Point) -> bool {
+    let middle = Halved::middle(from, to);
+    match polygon.place(middle) {
+        Place::Inside => true,
+        Place::Border => polygon.runs_along(middle, edge),
+        Place::Outside => false,
+    }
+}
+
+/// Whether a point on the line through `a` and `b` lies between them or on one of them.
+fn within(p: Point, a: Point, b: Point) -> bool {
+    let between = |v: i32, s: i32, t: i32| s.min(t) <= v && v <= s.max(t);
+    between(p.x, a.x, b.x) && between(p.y, a.y, b.y)
+}
+
+/// Hands every pair whose spans (begin and end, both included) meet to `see`, until it
+/// says enough; whether it did.
+pub(super) fn sweep(
+    mine: &[(i32, i32)],
+    theirs: &[(i32, i32)],
+    mut see: impl FnMut(u32, u32) -> bool,
+) -> bool {
+    let by_start = |spans: &[(i32, i32)]| {
+        let mut order: Vec<u32> = (0..spans.len() as u32).collect();
+        order.sort_by_key(|&i| spans[i as usize].0);
+        order
+    };
+    let (my_order, their_order) = (by_start(mine), by_start(theirs));
+    let (mut my_open, mut their_open): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
+    let (mut m, mut t) = (0, 0);
+    // Where one side is used up and nothing of it is open, no pair can come any more.
+    while (m < mine.len() || !my_open.is_empty()) && (t < theirs.len() || !their_open.is_empty()) {
+        let my_next = my_order.get(m).map(|&i| (mine[i as usize].0, i));
+        let their_next = their_order.get(t).map(|&k| (theirs[k as usize].0, k));
+        match (my_next, their_next) {
+            (Some((start, i)), next) if next.is_none_or(|n| start <= n.0) => {
+                their_open.retain(|&k| theirs[k as usize].1 >= start);
+                if their_open.iter().any(|&k| see(i, k)) {
+                    return true;
+                }
+                my_open.push(i);
+                m += 1;
+            }
+            (_, Some((start, k))) => {
+                my_open.retain(|&i| mine[i as usize].1 >= start);
+                if my_open.iter().any(|&i| see(i, k)) {
+                    return true;
+                }
+                their_open.push(k);
+                t += 1;
+            }
+            _ => break,
+        }
+    }
+    false
+}
