@@ -249,7 +249,7 @@ impl<'a> FromMesh<'a> {
             pool.push(scratch);
         }
         let layer = Layer { part, ..self.heights.empty_layer(plane.number) };
-        Cut { layer, open: joined.rings.len(), widest: joined.widest, crossing }
+        Cut { layer, open: joined.open, widest: joined.widest, crossing }
     }
 
     fn note(&mut self, cut: Cut) -> Layer {
@@ -283,3 +283,6 @@ impl Layers for FromMesh<'_> {
         Ok(Some(cuts.into_iter().map(|cut| self.note(cut)).collect()))
     }
 }
+
+#[cfg(test)]
+mod tests;
