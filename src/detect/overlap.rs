@@ -396,3 +396,98 @@ pub(super) fn sweep(
     }
     false
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layers::polygon::{Inside, intersection, overlaps, resolve};
+    use crate::layers::shape::{Region, Ring};
+    use proptest::prelude::*;
+
+    /// Of a coarse grid: many shapes then share edges or vertices and nothing else.
+    const STEP: i32 = 5040;
+
+    /// Rings on the coarse grid.
+    fn rings(steps: i32, most: usize) -> impl Strategy<Value = Vec<Ring>> {
+        let point = (0..steps, 0..steps).prop_map(|(x, y)| Point { x: x * STEP, y: y * STEP });
+        prop::collection::vec(prop::collection::vec(point, 3..7), 1..most)
+    }
+
+    fn shape(steps: i32) -> impl Strategy<Value = Region> {
+        rings(steps, 5).prop_map(|r| resolve(&r, Inside::Odd))
+    }
+
+    /// The polygons with no vertex off the coarse grid. Only of these the library's
+    /// answer is exact: it rounds crossings to the grid, and so does not see what is
+    /// thinner than a step of it.
+    fn coarse(r: &Region) -> impl Iterator<Item = &Polygon> {
+        let on_grid = |p: &Point| p.x % STEP == 0 && p.y % STEP == 0;
+        r.polygons.iter().filter(move |p| p.rings.iter().flatten().all(on_grid))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(600))]
+
+        /// Quick proof, all edges, and the areas of full booleans agree.
+        #[test]
+        fn quick_and_full_agree(a in shape(7), b in shape(7)) {
+            for p in coarse(&a) {
+                for q in coarse(&b) {
+                    let (o, r) = (Outline::new(p), Outline::new(q));
+                    let exact = o.overlaps_by_edges(&r);
+                    prop_assert_eq!(r.overlaps_by_edges(&o), exact);
+                    prop_assert_eq!(overlaps(p, q), exact);
+                    prop_assert_eq!(o.overlaps(&r), exact);
+                    prop_assert!(exact || !o.surely_overlaps(&r));
+                    let only = |p: &Polygon| Region { polygons: vec![p.clone()] };
+                    prop_assert_eq!(!intersection(&only(p), &only(q)).is_empty(), exact);
+                }
+            }
+        }
+
+        /// The index by height sees what looking at all edges sees.
+        #[test]
+        fn the_index_changes_nothing(a in shape(9), x in 0..100_000_i64, y in 0..100_000_i64) {
+            for polygon in &a.polygons {
+                let plain = Outline::new(polygon);
+                let indexed = Outline { edges: INDEXED_FROM, ..Outline::new(polygon) };
+                for p in [Halved { x, y }, Halved { x: x / 10080 * 10080, y: y / 10080 * 10080 }] {
+                    prop_assert_eq!(plain.place(p), indexed.place(p));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_farthest_corners_do_not_overflow() {
+        let m = crate::layers::shape::MAX_COORDINATE;
+        let square = |lo: i32, hi: i32| Polygon {
+            rings: vec![[(lo, lo), (hi, lo), (hi, hi), (lo, hi)].map(|(x, y)| Point { x, y }).to_vec()],
+        };
+        let (all, part, other) = (square(-m, m), square(-m, -m + 1), square(m - 1, m));
+        let check = |a: &Polygon, b: &Polygon, expect: bool| {
+            assert_eq!(Outline::new(a).overlaps_by_edges(&Outline::new(b)), expect);
+            assert_eq!(Outline::new(a).overlaps(&Outline::new(b)), expect);
+        };
+        check(&all, &part, true);
+        check(&all, &all, true);
+        check(&part, &other, false);
+    }
+
+    #[test]
+    fn a_sweep_sees_each_pair_that_meets_once() {
+        let mine = [(0, 5), (3, 4), (9, 9), (6, 7)];
+        let theirs = [(5, 6), (-3, 0), (4, 20)];
+        let mut seen = Vec::new();
+        sweep(&mine, &theirs, |i, k| {
+            seen.push((i, k));
+            false
+        });
+        seen.sort_unstable();
+        let meet = |i: usize, k: usize| mine[i].0 <= theirs[k].1 && theirs[k].0 <= mine[i].1;
+        let expect: Vec<(u32, u32)> = (0..4)
+            .flat_map(|i| (0..3).filter(move |&k| meet(i, k)).map(move |k| (i as u32, k as u32)))
+            .collect();
+        assert_eq!(seen, expect);
+    }
+}
