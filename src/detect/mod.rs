@@ -12,7 +12,10 @@
 pub mod island;
 pub mod links;
 pub mod overhang;
+pub mod overhang_layer;
 pub mod overlap;
+mod regions;
+mod slabs;
 #[cfg(test)]
 mod testing;
 pub mod walk;

@@ -1,8 +1,9 @@
 //! What the overhang detectors give, and the rules that they keep.
 //!
 //! An overhang is a part of a layer that what lies below does not hold and that does
-//! not hold itself. Detectors give [`Piece`]s layer by layer; [`Regions`] joins pieces
-//! of neighbouring layers to [`OverhangRegion`]s. Knows no detector.
+//! not hold itself. Detectors give [`Piece`]s layer by layer; those of neighbouring
+//! layers are joined to [`OverhangRegion`]s. Knows no detector.
+use crate::layers::shape::Polygon;
 
 /// What prints with nothing under it: plain values of the material's profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,3 +79,12 @@ pub struct Overhangs {
 
 /// Regions that are listed at most, so that a hostile job does not fill the memory.
 pub const MAX_REGIONS: usize = 1_000_000;
+
+/// One overhanging polygon of a layer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Piece {
+    /// Where.
+    pub polygon: Polygon,
+    /// Whether it is an island that appears: nothing below touches it.
+    pub island: bool,
+}

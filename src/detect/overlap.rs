@@ -7,6 +7,7 @@
 //!
 //! Paper 003, section 3.2 asks the same question by two booleans (is anything left of
 //! the loop when its residual is taken away?); here no area is computed.
+use super::slabs::{Edge, Slabs, edges};
 use crate::layers::shape::{Bounds, Point, Polygon};
 use std::sync::OnceLock;
 
@@ -18,8 +19,6 @@ enum Place {
     Border,
     Outside,
 }
-
-type Edge = (Point, Point);
 
 /// Edges of a polygon that has fewer than this are looked through one by one.
 const INDEXED_FROM: usize = 64;
@@ -36,21 +35,8 @@ pub struct Outline<'a> {
     slabs: OnceLock<Slabs>,
 }
 
-/// The edges by height, so that a point looks only at those beside it. Holds at most
-/// three entries an edge, whatever the shape.
-#[derive(Debug)]
-struct Slabs {
-    bottom: i64,
-    height: i64,
-    starts: Vec<u32>,
-    edges: Vec<Edge>,
-}
-
-fn edges_of(polygon: &Polygon) -> impl Iterator<Item = Edge> + '_ {
-    polygon.rings.iter().flat_map(|ring| {
-        let from = ring.iter().copied();
-        from.zip(ring.iter().copied().cycle().skip(1)).filter(|(a, b)| a != b)
-    })
+fn edges_of(polygon: &Polygon) -> impl Iterator<Item = Edge> + Clone + '_ {
+    polygon.rings.iter().flat_map(edges)
 }
 
 /// Twice the area of the triangle `a b p`: positive where `p` lies to the left of `a → b`.
@@ -100,47 +86,6 @@ fn beside((a, b): Edge, p: Halved) -> Beside {
     if level || (ax, ay) == (p.x, p.y) || (bx, by) == (p.x, p.y) { Beside::On } else { Beside::Not }
 }
 
-impl Slabs {
-    fn new(polygon: &Polygon, bounds: Bounds, count: usize) -> Slabs {
-        let tall = |(a, b): Edge| (i64::from(a.y) - i64::from(b.y)).abs();
-        let total: i64 = edges_of(polygon).map(tall).sum();
-        let bottom = i64::from(bounds.min.y);
-        let span = i64::from(bounds.max.y) - bottom;
-        let count = i64::try_from(count).unwrap_or(i64::MAX).max(1);
-        let height = (total / (2 * count)).max(span / count).max(1);
-        let slabs = usize::try_from(span / height).unwrap_or(0) + 1;
-        let at = |y: i32| usize::try_from((i64::from(y) - bottom) / height).unwrap_or(0);
-        let ends = |(a, b): Edge| (at(a.y.min(b.y)), at(a.y.max(b.y)));
-        let mut starts = vec![0_u32; slabs + 1];
-        for edge in edges_of(polygon) {
-            let (low, high) = ends(edge);
-            starts[low + 1..=high + 1].iter_mut().for_each(|n| *n += 1);
-        }
-        for k in 0..slabs {
-            starts[k + 1] += starts[k];
-        }
-        let mut next = starts.clone();
-        let mut edges = vec![(Point::default(), Point::default()); starts[slabs] as usize];
-        for edge in edges_of(polygon) {
-            let (low, high) = ends(edge);
-            for slot in &mut next[low..=high] {
-                edges[*slot as usize] = edge;
-                *slot += 1;
-            }
-        }
-        Slabs { bottom, height, starts, edges }
-    }
-
-    /// Edges that may lie beside a point within the bounds.
-    fn beside(&self, p: Halved) -> &[Edge] {
-        let slab = usize::try_from((p.y.div_euclid(2) - self.bottom) / self.height).unwrap_or(0);
-        match (self.starts.get(slab), self.starts.get(slab + 1)) {
-            (Some(&from), Some(&to)) => &self.edges[from as usize..to as usize],
-            _ => &[],
-        }
-    }
-}
-
 impl<'a> Outline<'a> {
     /// Makes a polygon ready.
     #[must_use]
@@ -164,8 +109,9 @@ impl<'a> Outline<'a> {
         if self.edges < INDEXED_FROM {
             edges_of(self.polygon).any(&mut see);
         } else {
-            let slabs = self.slabs.get_or_init(|| Slabs::new(self.polygon, self.bounds, self.edges));
-            slabs.beside(p).iter().any(|&e| see(e));
+            let slabs = self.slabs.get_or_init(|| Slabs::new(edges_of(self.polygon)));
+            // Half a step above a whole one, a point meets the edges of both neighbours.
+            slabs.near(p.y.div_euclid(2), p.y.div_euclid(2) + 1).iter().any(|&e| see(e));
         }
     }
 

@@ -6,8 +6,9 @@
 //! itself: [`Watch::lap`] tells the caller what the time since the last call was for.
 use super::island::{Found, Islands, Standings};
 use super::links::{Links, links};
-use super::overhang::{Growth, Overhangs, SelfSupport};
-use crate::layers::shape::Region;
+use super::overhang::{Growth, Method, Overhangs, Piece, SelfSupport};
+use super::overhang_layer;
+use super::regions::{Regions, joins};
 use crate::layers::stack::{Layer, Layers};
 use rayon::prelude::*;
 
@@ -63,7 +64,7 @@ pub struct Seen<'a> {
     /// What each of its polygons is.
     pub standings: &'a Standings,
     /// Where it overhangs: of the polygons, or of the images where only these were asked for.
-    pub overhang: &'a Region,
+    pub overhang: &'a [Piece],
 }
 
 /// Someone who looks on: takes the time, shows progress, draws pictures.
@@ -97,42 +98,93 @@ pub struct Findings {
 /// # Errors
 /// Those of the layers' source.
 pub fn walk<L: Layers>(layers: &mut L, ask: &Ask, watch: &mut impl Watch) -> Result<Findings, L::Error> {
-    let mut fold = Fold::new(ask);
+    let mut islands = Islands::new();
+    let mut tracks: Vec<Track> =
+        [ask.layer.map(|a| Track::new(How::Layer(a), Method::Layer, a.rules.min_area_mm2))]
+            .into_iter()
+            .flatten()
+            .collect();
     let mut below = Layer::default();
+    let (mut count, mut height_mm) = (0, 0.0);
     while let Some(batch) = layers.next_batch()? {
         watch.lap(Stage::Slice);
         let pairs: Vec<(&Layer, &Layer)> = std::iter::once(&below).chain(&batch).zip(&batch).collect();
         let linked: Vec<Links> = pairs.par_iter().map(|(below, layer)| links(below, layer)).collect();
         let standings: Vec<Standings> =
-            batch.iter().zip(&linked).map(|(layer, links)| fold.islands.push(layer, links)).collect();
+            batch.iter().zip(&linked).map(|(layer, links)| islands.push(layer, links)).collect();
         watch.lap(Stage::Islands);
-        for (layer, standings) in batch.iter().zip(&standings) {
-            fold.last = (layer.number + 1, layer.top_mm);
-            watch.layer(&Seen { layer, standings, overhang: &Region::default() });
+        tracks.iter_mut().for_each(|track| track.batch(&pairs, &linked));
+        watch.lap(Stage::Overhangs);
+        for (k, (layer, standings)) in batch.iter().zip(&standings).enumerate() {
+            let pieces = tracks.first().and_then(|t| t.pieces.get(k)).map_or(&[][..], |p| p);
+            watch.layer(&Seen { layer, standings, overhang: pieces });
+            (count, height_mm) = (layer.number + 1, layer.top_mm);
         }
         watch.lap(Stage::Watch);
         if let Some(last) = batch.into_iter().next_back() {
             below = last;
         }
     }
-    Ok(fold.finish(ask))
+    let mut findings = Findings {
+        layers: count,
+        height_mm,
+        islands: islands.finish(ask.min_island_mm2),
+        layer: None,
+        image: None,
+    };
+    for track in tracks {
+        let found = track.regions.finish();
+        if found.method == Method::Layer {
+            findings.layer = Some(found)
+        } else {
+            findings.image = Some(found)
+        }
+    }
+    Ok(findings)
 }
 
-/// What has a memory.
-struct Fold {
-    islands: Islands,
-    /// Number of layers, height of the last one's top.
-    last: (u32, f64),
+/// Which way overhangs are looked for.
+#[derive(Clone, Copy)]
+enum How {
+    Layer(LayerAsk),
 }
 
-impl Fold {
-    fn new(_ask: &Ask) -> Fold {
-        Fold { islands: Islands::new(), last: (0, 0.0) }
+/// One way to look for overhangs, on its way up.
+struct Track {
+    how: How,
+    regions: Regions,
+    /// Those of each layer of the batch.
+    pieces: Vec<Vec<Piece>>,
+}
+
+impl Track {
+    fn new(how: How, method: Method, min_area_mm2: f64) -> Track {
+        Track { how, regions: Regions::new(method, min_area_mm2), pieces: Vec::new() }
     }
 
-    fn finish(self, ask: &Ask) -> Findings {
-        let (layers, height_mm) = self.last;
-        let islands = self.islands.finish(ask.min_island_mm2);
-        Findings { layers, height_mm, islands, layer: None, image: None }
+    /// The pieces of a batch's layers, and the regions up to its end.
+    fn batch(&mut self, pairs: &[(&Layer, &Layer)], linked: &[Links]) {
+        let last = self.pieces.pop().unwrap_or_default();
+        let how = self.how;
+        self.pieces = pairs
+            .par_iter()
+            .zip(linked)
+            .map(|((below, layer), links)| match how {
+                How::Layer(ask) => overhang_layer::pieces(below, layer, links, &ask.rules, ask.growth),
+            })
+            .collect();
+        let How::Layer(LayerAsk { rules, .. }) = how;
+        let lower: Vec<&Vec<Piece>> = std::iter::once(&last).chain(&self.pieces).collect();
+        let joins: Vec<Vec<(u32, u32)>> = pairs
+            .par_iter()
+            .zip(&self.pieces)
+            .zip(lower)
+            .map(|(((below, layer), pieces), lower)| {
+                joins(lower, pieces, overhang_layer::reach_mm(below, layer, rules.angle_deg))
+            })
+            .collect();
+        for (((_, layer), pieces), joins) in pairs.iter().zip(&self.pieces).zip(&joins) {
+            self.regions.push(layer.number, layer.plane_mm(), pieces, joins);
+        }
     }
 }
