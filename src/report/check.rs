@@ -7,6 +7,7 @@
 //! was cut or that stands for the layer (its middle), `top_mm` the Z at which a
 //! printer prints it.
 use crate::detect;
+use crate::detect::overhang::{Method, OverhangRegion};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -34,8 +35,11 @@ pub struct Report {
     pub islands: Vec<Island>,
     /// Islands that stay smaller than that.
     pub small_islands: Vec<Island>,
-    /// Supports that begin in the air, as far as the file tells them from the part.
-    pub floating_supports: u64,
+    /// Supports, brims and towers that begin in the air, as far as the file tells them
+    /// from the part.
+    pub floating_supports: Vec<Island>,
+    /// Islands that are in no list because there are too many; usually 0.
+    pub unlisted_islands: u64,
     /// What the overhang detector found; `null` when none was asked for. Of all
     /// detectors that of the polygons.
     pub overhangs: Option<Overhangs>,
@@ -76,11 +80,13 @@ pub struct Island {
     pub end_layer: u32,
     /// Height of that layer's plane.
     pub end_z_mm: f64,
+    /// Z at which that layer is printed.
+    pub end_top_mm: f64,
     /// Whether it ever joins what stands on the plate.
     pub joins: bool,
     /// Area in the layer where it appears.
     pub area_mm2: f64,
-    /// Largest area in one layer before it joins.
+    /// Largest area in one layer before it joins; islands that met share it.
     pub max_area_mm2: f64,
     /// Centre of gravity in the layer where it appears.
     pub centroid_mm: [f64; 2],
@@ -101,6 +107,8 @@ pub struct Overhangs {
     pub small_regions: u64,
     /// Their area.
     pub small_area_mm2: f64,
+    /// Regions that are in neither number because there are too many; usually 0.
+    pub unlisted: u64,
     /// The largest regions, the largest first: at most [`LARGEST_REGIONS`].
     pub largest: Vec<Region>,
 }
@@ -112,10 +120,14 @@ pub struct Region {
     pub layer: u32,
     /// Height of its plane; of faces their lowest point.
     pub z_mm: f64,
+    /// Z at which that layer is printed.
+    pub top_mm: f64,
     /// Highest layer.
     pub end_layer: u32,
     /// Height of its plane; of faces their highest point.
     pub end_z_mm: f64,
+    /// Z at which that layer is printed.
+    pub end_top_mm: f64,
     /// Area seen from below.
     pub area_mm2: f64,
     /// Area of the faces themselves; that seen from below where layers were looked at.
@@ -145,23 +157,74 @@ pub struct Seconds {
     pub total: f64,
 }
 
-impl Island {
-    /// Of what the detector found. `top_mm`: the Z at which the layer where it
-    /// appears is printed.
+/// The Z at which each layer is printed, from the plate up, mm.
+#[derive(Clone, Debug, Default)]
+pub struct Tops(pub Vec<f64>);
+
+impl Tops {
+    fn of(&self, layer: u32) -> f64 {
+        self.0.get(layer as usize).or(self.0.last()).copied().unwrap_or_default()
+    }
+
+    /// What the detector found, with the Z at which it is printed.
     #[must_use]
-    pub fn of(found: &detect::island::Island, top_mm: f64) -> Island {
+    pub fn island(&self, found: &detect::island::Island) -> Island {
         Island {
             layer: found.layer,
             z_mm: found.z_mm,
-            top_mm,
+            top_mm: self.of(found.layer),
             end_layer: found.end_layer,
             end_z_mm: found.end_z_mm,
+            end_top_mm: self.of(found.end_layer),
             joins: found.joins,
             area_mm2: found.area_mm2,
             max_area_mm2: found.max_area_mm2,
             centroid_mm: found.centroid_mm,
             bbox_mm: found.bbox_mm,
         }
+    }
+
+    /// What a detector found, with the Z at which it is printed.
+    #[must_use]
+    pub fn overhangs(&self, found: &detect::overhang::Overhangs) -> Overhangs {
+        let mut largest: Vec<_> = found.regions.iter().collect();
+        largest.sort_by(|a, b| b.area_mm2.total_cmp(&a.area_mm2).then(a.layer.cmp(&b.layer)));
+        largest.truncate(LARGEST_REGIONS);
+        Overhangs {
+            method: name(found.method),
+            regions: found.regions.len() as u64,
+            area_mm2: found.area_mm2,
+            small_regions: found.small.len() as u64,
+            small_area_mm2: found.small_area_mm2,
+            unlisted: found.unlisted,
+            largest: largest.into_iter().map(|region| self.region(region)).collect(),
+        }
+    }
+
+    fn region(&self, found: &OverhangRegion) -> Region {
+        Region {
+            layer: found.layer,
+            z_mm: found.z_mm,
+            top_mm: self.of(found.layer),
+            end_layer: found.end_layer,
+            end_z_mm: found.end_z_mm,
+            end_top_mm: self.of(found.end_layer),
+            area_mm2: found.area_mm2,
+            surface_mm2: found.surface_mm2,
+            centroid_mm: found.centroid_mm,
+            bbox_mm: found.bbox_mm,
+            island: found.island,
+        }
+    }
+}
+
+/// A detector's name, as on the command line.
+#[must_use]
+pub fn name(method: Method) -> &'static str {
+    match method {
+        Method::Normal => "normal",
+        Method::Layer => "layer",
+        Method::Image => "image",
     }
 }
 
@@ -198,6 +261,7 @@ pub(crate) mod testing {
             top_mm: z_mm + 0.05,
             end_layer: layer + 10,
             end_z_mm: z_mm + 1.0,
+            end_top_mm: z_mm + 1.05,
             joins: true,
             area_mm2,
             max_area_mm2: area_mm2,
@@ -230,11 +294,11 @@ mod tests {
         assert_eq!(
             names(&json),
             "bbox_mm file floating_supports height_mm islands kind layers mended overhangs overhangs_by_method \
-             rules seconds small_islands triangles warnings"
+             rules seconds small_islands triangles unlisted_islands warnings"
         );
         assert_eq!(
             names(&json["islands"][0]),
-            "area_mm2 bbox_mm centroid_mm end_layer end_z_mm joins layer max_area_mm2 top_mm z_mm"
+            "area_mm2 bbox_mm centroid_mm end_layer end_top_mm end_z_mm joins layer max_area_mm2 top_mm z_mm"
         );
         assert_eq!(names(&json["seconds"]), "islands overhangs pictures read slice total");
         assert_eq!(json["islands"][0]["bbox_mm"], serde_json::json!([[1.0, -3.0], [2.0, -2.0]]));

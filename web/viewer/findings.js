@@ -60,13 +60,13 @@ function findingsList(title, items, total, open, row, onPick) {
 }
 
 function islandRow(island) {
-  const end = island.joins ? `joins the part at Z ${mm(island.end_z_mm)}` : 'never joins the part';
-  return ['appears', `Layer ${island.layer} · Z ${mm(island.z_mm)} · ${area(island.area_mm2)}`, `${place(island.centroid_mm)} · ${end}`];
+  const end = island.joins ? `joins the part at Z ${mm(island.end_top_mm)}` : 'never joins the part';
+  return ['appears', `Layer ${island.layer} · Z ${mm(island.top_mm)} · ${area(island.area_mm2)}`, `${place(island.centroid_mm)} · ${end}`];
 }
 
 function regionRow(region) {
   const layers = region.end_layer > region.layer ? `layers ${region.layer} to ${region.end_layer}` : `layer ${region.layer}`;
-  return ['overhang', `Layer ${region.layer} · Z ${mm(region.z_mm)} · ${area(region.area_mm2)}`, `${place(region.centroid_mm)} · ${layers}`];
+  return ['overhang', `Layer ${region.layer} · Z ${mm(region.top_mm)} · ${area(region.area_mm2)}`, `${place(region.centroid_mm)} · ${layers}`];
 }
 
 /** Names and values. */

@@ -150,7 +150,7 @@ mod tests {
     }
 
     fn add(to: &mut Elevation, layer: &Layer, standings: &[Standing]) {
-        to.add(Seen { layer, standings, overhangs: &Region::default() });
+        to.add(Seen { layer, standings, overhangs: &[] });
     }
 
     #[test]

@@ -22,7 +22,9 @@ mod simplify;
 pub mod stack;
 
 use crate::detect::island::Standing;
-use crate::layers::shape::{Bounds, Polygon, Region};
+use crate::detect::overhang::Piece;
+use crate::detect::walk;
+use crate::layers::shape::{Bounds, Polygon};
 use crate::layers::stack::Layer;
 use class::Class;
 
@@ -34,7 +36,13 @@ pub struct Seen<'a> {
     /// What each polygon of its part is, in their order; where it is shorter, body.
     pub standings: &'a [Standing],
     /// What of the part has too little below it.
-    pub overhangs: &'a Region,
+    pub overhangs: &'a [Piece],
+}
+
+impl<'a> From<&walk::Seen<'a>> for Seen<'a> {
+    fn from(seen: &walk::Seen<'a>) -> Seen<'a> {
+        Seen { layer: seen.layer, standings: &seen.standings.part, overhangs: seen.overhang }
+    }
 }
 
 impl<'a> Seen<'a> {
@@ -47,13 +55,15 @@ impl<'a> Seen<'a> {
             Some(Standing::Appears) => Class::Appears,
         };
         let part = self.layer.part.polygons.iter().enumerate().map(move |(k, p)| (of(k), p));
-        aid.chain(part).chain(self.overhangs.polygons.iter().map(|p| (Class::Overhang, p)))
+        // An island that appears is drawn as such.
+        let overhangs = self.overhangs.iter().filter(|o| !o.island);
+        aid.chain(part).chain(overhangs.map(|o| (Class::Overhang, &o.polygon)))
     }
 
-    /// Area of the islands that appear here, mm².
+    /// Area of the pieces of a class, mm².
     #[must_use]
-    pub fn appearing_mm2(self) -> f64 {
-        self.pieces().filter(|(c, _)| *c == Class::Appears).map(|(_, p)| p.area_mm2()).sum()
+    pub fn area_mm2(self, class: Class) -> f64 {
+        self.pieces().filter(|(c, _)| *c == class).map(|(_, p)| p.area_mm2()).sum()
     }
 }
 

@@ -16,8 +16,8 @@ const TOLERANCE_MM: f64 = 0.02;
 pub struct Shown {
     /// From 0 at the plate.
     pub number: u32,
-    /// Height of its plane, mm.
-    pub z_mm: f64,
+    /// Z at which it is printed, mm.
+    pub top_mm: f64,
     /// The islands that appear here, mm².
     pub island_mm2: f64,
     /// The overhangs here, mm².
@@ -52,7 +52,7 @@ impl Shown {
 impl Notable {
     /// Takes the next layer.
     pub fn add(&mut self, seen: Seen) {
-        let (island_mm2, overhang_mm2) = (seen.appearing_mm2(), seen.overhangs.area_mm2());
+        let (island_mm2, overhang_mm2) = (seen.area_mm2(Class::Appears), seen.area_mm2(Class::Overhang));
         let worth = (island_mm2, overhang_mm2);
         if worth <= (0.0, 0.0) {
             return;
@@ -70,7 +70,7 @@ impl Notable {
         }
         self.layers.push(Shown {
             number: seen.layer.number,
-            z_mm: seen.layer.plane_mm(),
+            top_mm: seen.layer.top_mm,
             island_mm2,
             overhang_mm2,
             packed: pack(seen.pieces(), TOLERANCE_MM),
@@ -88,6 +88,7 @@ impl Notable {
 mod tests {
     use super::*;
     use crate::detect::island::Standing;
+    use crate::detect::overhang::Piece;
     use crate::layers::shape::{Point, Region};
     use crate::layers::stack::Layer;
 
@@ -102,7 +103,7 @@ mod tests {
         for number in 0..40 {
             let part = Region { polygons: vec![square(1.0 + f64::from(number * 7 % 40))] };
             let layer = Layer { number, part, ..Layer::default() };
-            let overhangs = Region { polygons: vec![square(100.0)] };
+            let overhangs = [Piece { polygon: square(100.0), island: false }];
             let standing = if number % 2 == 0 { Standing::Appears } else { Standing::Body };
             notable.add(Seen { layer: &layer, standings: &[standing], overhangs: &overhangs });
         }
@@ -121,7 +122,8 @@ mod tests {
         let mut notable = Notable::default();
         for number in 0..3 {
             let layer = Layer { number, ..Layer::default() };
-            let overhangs = Region { polygons: (0..number).map(|_| square(1.0)).collect() };
+            let overhangs: Vec<Piece> =
+                (0..number).map(|_| Piece { polygon: square(1.0), island: false }).collect();
             notable.add(Seen { layer: &layer, standings: &[], overhangs: &overhangs });
         }
         assert_eq!(notable.layers().map(|l| l.number).collect::<Vec<_>>(), [1, 2]);

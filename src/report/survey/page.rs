@@ -199,7 +199,7 @@ mod tests {
         let part = Region { polygons: vec![Polygon { rings: vec![ring] }] };
         let layer = Layer { number: 5, bottom_mm: 0.5, top_mm: 0.7, part, ..Layer::default() };
         let mut survey = Survey::new(true);
-        survey.add(super::super::Seen { layer: &layer, standings: &[], overhangs: &Region::default() });
+        survey.add(super::super::Seen { layer: &layer, standings: &[], overhangs: &[] });
         let page = html(&Report::default(), &survey).expect("a page");
         let text = inside(&page, "layers");
         let bytes: Vec<u8> = text.bytes().filter(|&b| b != b'=').collect();

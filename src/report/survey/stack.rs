@@ -158,7 +158,7 @@ mod tests {
 
     fn add(stack: &mut Stack, number: u32, points: u32, standing: Standing) {
         let layer = layer(number, points);
-        stack.add(Seen { layer: &layer, standings: &[standing], overhangs: &Region::default() });
+        stack.add(Seen { layer: &layer, standings: &[standing], overhangs: &[] });
     }
 
     #[test]

@@ -196,7 +196,7 @@ fn list(report: &Report) -> Vec<String> {
     let mut lines: Vec<String> = if report.islands.is_empty() {
         let regions = report.overhangs.iter().flat_map(|found| &found.largest);
         regions
-            .map(|r| format!("layer {}, Z {:.2}: {:.2} mm² at {}", r.layer, r.z_mm, r.area_mm2, place(r.centroid_mm)))
+            .map(|r| format!("layer {}, Z {:.2}: {:.2} mm² at {}", r.layer, r.top_mm, r.area_mm2, place(r.centroid_mm)))
             .collect()
     } else {
         let mark = |(k, i): (usize, &&crate::report::check::Island)| {
@@ -204,7 +204,7 @@ fn list(report: &Report) -> Vec<String> {
             format!(
                 "{number}layer {}, Z {:.2}: {:.2} mm² at {}",
                 i.layer,
-                i.z_mm,
+                i.top_mm,
                 i.area_mm2,
                 place(i.centroid_mm)
             )

@@ -112,7 +112,7 @@ impl<'a> Sheet<'a> {
             to.circle(centre, radius, Class::Appears.colour(), 1.5);
         }
         self.scale_bar(to, [x + self.size[0] - BORDER, y + self.size[1] - BORDER]);
-        let words = format!("layer {}, Z {:.2} mm", layer.number, layer.z_mm);
+        let words = format!("layer {}, Z {:.2} mm", layer.number, layer.top_mm);
         to.text([x, y + self.size[1] + 18.0], style(13.0, INK), &words);
         let mut areas = Vec::new();
         if layer.island_mm2 > 0.0 {

@@ -141,7 +141,7 @@ mod tests {
                 part: Region { polygons: runs.iter().map(square).collect() },
                 aid: Region::default(),
             };
-            elevation.add(Seen { layer: &layer, standings: &[], overhangs: &Region::default() });
+            elevation.add(Seen { layer: &layer, standings: &[], overhangs: &[] });
         }
         elevation
     }
