@@ -16,8 +16,6 @@ pub(super) type Outline = Vec<[f64; 2]>;
 pub(super) enum Anchor {
     /// The beginning.
     Start,
-    /// The middle.
-    Middle,
     /// The end.
     End,
 }

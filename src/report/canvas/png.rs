@@ -120,7 +120,6 @@ impl Canvas for Png {
     fn text(&mut self, [x, y]: [f64; 2], style: Style, words: &str) {
         let start = match style.anchor {
             Anchor::Start => x,
-            Anchor::Middle => x - font::width(words, style.size) / 2.0,
             Anchor::End => x - font::width(words, style.size),
         };
         let pen = style.size * PEN[usize::from(style.bold)];

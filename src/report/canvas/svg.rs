@@ -90,7 +90,6 @@ impl Canvas for Svg {
         }
         attributes.push_str(match style.anchor {
             Anchor::Start => "",
-            Anchor::Middle => " text-anchor=\"middle\"",
             Anchor::End => " text-anchor=\"end\"",
         });
         text(&mut self.out, x, y, &attributes, words);

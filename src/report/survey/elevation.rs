@@ -51,12 +51,8 @@ impl Row {
     }
 
     fn of(seen: Seen) -> Row {
-        let mut row = Row {
-            bottom_mm: seen.layer.bottom_mm,
-            top_mm: seen.layer.top_mm,
-            layers: 1,
-            ..Row::default()
-        };
+        let mut row =
+            Row { bottom_mm: seen.layer.bottom_mm, top_mm: seen.layer.top_mm, layers: 1, ..Row::default() };
         for (class, polygon) in seen.pieces() {
             let bounds = polygon.bounds();
             if bounds.min.x <= bounds.max.x {

@@ -115,8 +115,7 @@ fn pack_steps(pieces: impl Iterator<Item = (Class, Polygon)>, tolerance_mm: f64)
 /// Leaves out the smallest polygons so that at most `room` points stay; of equals
 /// the last ones.
 fn keep_largest(by_class: &mut [Vec<Polygon>; ALL.len()], room: usize) {
-    let mut order: Vec<(f64, usize)> =
-        by_class.iter().flatten().map(Polygon::area_mm2).zip(0..).collect();
+    let mut order: Vec<(f64, usize)> = by_class.iter().flatten().map(Polygon::area_mm2).zip(0..).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let sizes: Vec<usize> = by_class.iter().flatten().map(Polygon::len).collect();
     let mut keep = vec![false; sizes.len()];

@@ -211,7 +211,8 @@ mod tests {
             b'+' => 62,
             _ => 63,
         };
-        let bits: Vec<u8> = bytes.iter().flat_map(|&b| (0..6).rev().map(move |k| value(b) >> k & 1)).collect();
+        let bits: Vec<u8> =
+            bytes.iter().flat_map(|&b| (0..6).rev().map(move |k| value(b) >> k & 1)).collect();
         let raw: Vec<u8> = bits.chunks_exact(8).map(|c| c.iter().fold(0, |v, b| v << 1 | b)).collect();
         let mut plain = Vec::new();
         flate2::read::ZlibDecoder::new(raw.as_slice()).read_to_end(&mut plain).expect("deflated");

@@ -35,10 +35,7 @@ impl Wedge {
     /// Whether a segment to `p` comes within the tolerance of all points passed
     /// over; if so `p` is passed over too.
     fn takes(&mut self, p: Point) -> bool {
-        let v = [
-            f64::from(p.x) - f64::from(self.anchor.x),
-            f64::from(p.y) - f64::from(self.anchor.y),
-        ];
+        let v = [f64::from(p.x) - f64::from(self.anchor.x), f64::from(p.y) - f64::from(self.anchor.y)];
         let distance = dot(v, v).sqrt();
         // Back towards the anchor: the line would be shorter than what it stands for.
         if distance < self.reach - self.tolerance {

@@ -99,7 +99,6 @@ struct Layout<'a> {
     report: &'a Report,
     views: views::Views<'a>,
     sheet: sheet::Sheet<'a>,
-    sheet_top: f64,
     height: f64,
 }
 
@@ -110,7 +109,7 @@ impl<'a> Layout<'a> {
         let sheet_top = TOP + views.height().max(list) + MARGIN;
         let sheet = sheet::Sheet::new(survey, [MARGIN, sheet_top], WIDTH - 2.0 * MARGIN);
         let height = sheet_top + sheet.height() + LEGEND;
-        Layout { report, views, sheet, sheet_top, height }
+        Layout { report, views, sheet, height }
     }
 
     fn draw(&self, to: &mut dyn Canvas) {
@@ -196,7 +195,15 @@ fn list(report: &Report) -> Vec<String> {
     let mut lines: Vec<String> = if report.islands.is_empty() {
         let regions = report.overhangs.iter().flat_map(|found| &found.largest);
         regions
-            .map(|r| format!("layer {}, Z {:.2}: {:.2} mm² at {}", r.layer, r.top_mm, r.area_mm2, place(r.centroid_mm)))
+            .map(|r| {
+                format!(
+                    "layer {}, Z {:.2}: {:.2} mm² at {}",
+                    r.layer,
+                    r.top_mm,
+                    r.area_mm2,
+                    place(r.centroid_mm)
+                )
+            })
             .collect()
     } else {
         let mark = |(k, i): (usize, &&crate::report::check::Island)| {

@@ -148,10 +148,7 @@ mod tests {
 
     fn area(outline: &Outline) -> f64 {
         let next = |k: usize| outline[(k + 1) % outline.len()];
-        (0..outline.len())
-            .map(|k| outline[k][0] * next(k)[1] - outline[k][1] * next(k)[0])
-            .sum::<f64>()
-            .abs()
+        (0..outline.len()).map(|k| outline[k][0] * next(k)[1] - outline[k][1] * next(k)[0]).sum::<f64>().abs()
             / 2.0
     }
 

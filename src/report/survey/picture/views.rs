@@ -103,8 +103,7 @@ impl<'a> Views<'a> {
             let dark = Class::Appears.colour();
             let half = ((island.bbox_mm[1][axis] - island.bbox_mm[0][axis]) / 2.0 * self.scale).max(3.0);
             to.line(&[[at[0] - half, at[1]], [at[0] + half, at[1]]], dark, 2.5);
-            let label =
-                Style { size: 11.0, bold: true, colour: dark, anchor: Anchor::Start };
+            let label = Style { size: 11.0, bold: true, colour: dark, anchor: Anchor::Start };
             to.text([at[0] + half + 4.0, at[1] + 4.0], label, &(k + 1).to_string());
         }
     }
