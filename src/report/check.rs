@@ -239,6 +239,12 @@ impl Report {
         Ok(text)
     }
 
+    /// The file's name without its folder.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.file.rsplit('/').find(|part| !part.is_empty()).unwrap_or(&self.file)
+    }
+
     /// The islands, the largest first; of equals the lowest.
     #[must_use]
     pub fn largest_islands(&self) -> Vec<&Island> {

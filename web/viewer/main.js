@@ -134,7 +134,7 @@ class Page {
 async function start() {
   theme();
   const job = JSON.parse(document.getElementById('job').textContent);
-  document.getElementById('file').textContent = job.report.file;
+  document.getElementById('file').textContent = job.report.file.split('/').filter(Boolean).pop() ?? job.report.file;
   document.getElementById('facts').textContent = factsOf(job.report);
   if (job.format !== 1) throw new Error(`This page's data has the format ${job.format}, which its script does not know.`);
   const bytes = await inflated(document.getElementById('layers').textContent);

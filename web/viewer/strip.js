@@ -90,8 +90,10 @@ class Strip {
         for (const { kind, runs } of groups) {
           if (this.kinds[kind]?.name !== wanted || !runs.length) continue;
           const least = wanted === 'appears' ? 2 : 0.5;
-          const height = Math.max(this.y(bottom) - this.y(top), least);
-          const y = this.y((bottom + top) / 2) - height / 2;
+          // On whole pixels, so that no seams show between layers.
+          const whole = (px) => Math.round(px * ratio) / ratio;
+          const y = whole(this.y(top));
+          const height = Math.max(whole(this.y(bottom)) - y, least);
           if (wanted !== 'overhang') {
             for (const [from, to] of runs) {
               pen.fillRect(middle + (from - centre) * scale, y, Math.max((to - from) * scale, 1), height);

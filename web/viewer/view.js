@@ -179,20 +179,30 @@ class LayerView {
       pen.lineTo(...to.map((c) => Math.round(c) + 0.5));
       pen.stroke();
     };
+    const label = (words, x, y) => {
+      pen.lineWidth = 3;
+      pen.strokeStyle = colour('paper');
+      pen.strokeText(words, x, y);
+      pen.fillText(words, x, y);
+      pen.lineWidth = 1;
+    };
     const strong = (k) => colour(k === 0 ? 'grid-strong' : 'grid');
-    pen.textAlign = 'center';
+    const labels = [];
     for (let k = Math.ceil(left / step); k * step <= right; k++) {
       const [x] = this.toPx([k * step, 0]);
       pen.strokeStyle = strong(k);
       line([x, 0], [x, height]);
-      if (x > 120 && x < width - 20) pen.fillText(mm(k * step, digits), x, height - 62);
+      if (x > 120 && x < width - 20) labels.push([mm(k * step, digits), x, height - 62, 'center']);
     }
-    pen.textAlign = 'left';
     for (let k = Math.ceil(bottom / step); k * step <= top; k++) {
       const [, y] = this.toPx([0, k * step]);
       pen.strokeStyle = strong(k);
       line([0, y], [width, y]);
-      if (y > 56 && y < height - 80) pen.fillText(mm(k * step, digits), 6, y - 3);
+      if (y > 56 && y < height - 80) labels.push([mm(k * step, digits), 6, y - 3, 'left']);
+    }
+    for (const [words, x, y, align] of labels) {
+      pen.textAlign = align;
+      label(words, x, y);
     }
   }
 

@@ -71,7 +71,7 @@ pub fn html(report: &Report, survey: &Survey) -> std::io::Result<String> {
     Ok(filled(
         PAGE,
         &[
-            ("@TITLE@", &escaped(&report.file)),
+            ("@TITLE@", &escaped(report.name())),
             ("@STYLE@", STYLE),
             ("@JOB@", &json(&job)?),
             ("@LAYERS@", &base64(&deflated(&stack.bytes())?)),

@@ -70,7 +70,7 @@ pub enum PictureError {
 #[must_use]
 pub fn svg(report: &Report, survey: &Survey) -> String {
     let layout = Layout::of(report, survey);
-    let mut svg = Svg::new([WIDTH, layout.height], &report.file);
+    let mut svg = Svg::new([WIDTH, layout.height], report.name());
     layout.draw(&mut svg);
     svg.finish()
 }
@@ -122,7 +122,7 @@ impl<'a> Layout<'a> {
     }
 
     fn title(&self, to: &mut dyn Canvas) {
-        to.text([MARGIN, 46.0], bold(26.0), &shortened(&self.report.file, 80));
+        to.text([MARGIN, 46.0], bold(26.0), &shortened(self.report.name(), 80));
         to.text([MARGIN, 72.0], style(14.0, FAINT), &facts(self.report));
         to.text([MARGIN, 98.0], bold(16.0), &verdict(self.report));
     }
@@ -191,7 +191,9 @@ fn verdict(report: &Report) -> String {
 
 /// The list beside the views.
 fn list(report: &Report) -> Vec<String> {
-    let place = |at: [f64; 2]| format!("X {:.1} Y {:.1}", at[0], at[1]);
+    // Away with the sign of −0.
+    let tenths = |mm: f64| (mm * 10.0).round() / 10.0 + 0.0;
+    let place = |at: [f64; 2]| format!("X {:.1} Y {:.1}", tenths(at[0]), tenths(at[1]));
     let mut lines: Vec<String> = if report.islands.is_empty() {
         let regions = report.overhangs.iter().flat_map(|found| &found.largest);
         regions

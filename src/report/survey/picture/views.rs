@@ -98,13 +98,22 @@ impl<'a> Views<'a> {
         for class in ALL {
             to.fill(&outlines(&self.survey.elevation, axis, class, place), class.colour());
         }
+        let mut labels: Vec<[f64; 2]> = Vec::new();
         for (k, island) in self.report.largest_islands().iter().take(MARKED_MAX).enumerate() {
             let at = [place.zero[0] + island.centroid_mm[axis] * self.scale, place.up(island.z_mm)];
             let dark = Class::Appears.colour();
             let half = ((island.bbox_mm[1][axis] - island.bbox_mm[0][axis]) / 2.0 * self.scale).max(3.0);
             to.line(&[[at[0] - half, at[1]], [at[0] + half, at[1]]], dark, 2.5);
-            let label = Style { size: 11.0, bold: true, colour: dark, anchor: Anchor::Start };
-            to.text([at[0] + half + 4.0, at[1] + 4.0], label, &(k + 1).to_string());
+            let (right, left) = ([at[0] + half + 4.0, at[1] + 4.0], [at[0] - half - 4.0, at[1] + 4.0]);
+            // Beside the mark, on the side where no other number stands.
+            let taken = |p: &[f64; 2]| {
+                labels.iter().any(|l| (l[0] - p[0]).abs() < 14.0 && (l[1] - p[1]).abs() < 10.0)
+            };
+            let (at, anchor) = if taken(&right) { (left, Anchor::End) } else { (right, Anchor::Start) };
+            if !taken(&at) {
+                to.text(at, Style { size: 11.0, bold: true, colour: dark, anchor }, &(k + 1).to_string());
+                labels.push(at);
+            }
         }
     }
 
