@@ -116,14 +116,14 @@ fn post_readable(
     progress: &(dyn Fn(u64) + Sync),
 ) -> Result<Report, Failure> {
     let container = Container::of(input).map_err(Failure::Read)?;
+    if let Some(reason) = container.refusal() {
+        return measured_only(input, options, reason.to_owned());
+    }
     let beginning = container::beginning(input, BEGINNING_BYTES).map_err(Failure::Read)?;
     if let Some(reason) = not_for_us(&beginning) {
         let mut report = Report::default();
         report.unchanged(reason);
         return Ok(report);
-    }
-    if let Some(reason) = container.refusal() {
-        return measured_only(input, options, reason.to_owned());
     }
     let dialect = match detect(&beginning) {
         Detection::One(dialect) => dialect,

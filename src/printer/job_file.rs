@@ -346,7 +346,7 @@ mod tests {
             let error = check(bytes, Some(95), |_, _| {}).unwrap_err().to_string();
             assert!(error.contains(expect), "{error}");
         };
-        check_file(b"GCDE\x01\0\0\0", "bgcode");
+        check_file(b"GCDE\x01\0\0\0", "cannot read it: binary G-code, block 0");
         check_file(b"\x1f\x8b\x08", "gzip");
         check_file(b"PK\x03\x04", "zip");
         check_file(b"", "no command");
