@@ -43,6 +43,9 @@ pub(super) struct Args {
     overhang: Overhang,
     #[command(flatten, next_help_heading = "Models (.stl)")]
     model: flags::Model,
+    /// Diameter of the filament, for G-code that does not tell it
+    #[arg(long, value_name = "MM", value_parser = flags::positive, help_heading = "G-code")]
+    filament_mm: Option<f64>,
     #[command(flatten, next_help_heading = "What holds itself")]
     rules: flags::Rules,
     /// Exit with 1 when something is found

@@ -79,7 +79,7 @@ fn layer_height(text: &str) -> Result<f64, String> {
     within(text, |mm| range.contains(&mm), &format!("from {MIN_LAYER_MM} to {MAX_LAYER_MM} mm"))
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     within(text, |mm| mm > 0.0, "more than 0")
 }
 
@@ -131,6 +131,10 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
 
 /// Why options do not go with a file of this kind.
 pub(super) fn unfit(args: &Args, kind: Kind) -> Option<String> {
+    let file = args.file.display();
+    if kind != Kind::Gcode && args.filament_mm.is_some() {
+        return Some(format!("--filament-mm is for G-code; {file} is {}", kind.words()));
+    }
     if kind == Kind::Stl {
         return None;
     }
@@ -143,7 +147,6 @@ pub(super) fn unfit(args: &Args, kind: Kind) -> Option<String> {
         ("--overhang normal", args.overhang == Overhang::Normal),
     ];
     let (name, _) = given.into_iter().find(|(_, given)| *given)?;
-    let file = args.file.display();
     Some(format!("{name} is for models; {file} is {}, which has its own layers", kind.words()))
 }
 

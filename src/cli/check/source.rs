@@ -6,6 +6,7 @@ use super::{Args, Overhang, material};
 use crate::cli::{files, progress};
 use crate::detect::overhang::{self, SelfSupport};
 use crate::detect::walk::{Ask, Findings, ImageAsk, LayerAsk, walk};
+use crate::layers::from_gcode;
 use crate::layers::from_images::FromImages;
 use crate::layers::from_mesh::{FromMesh, LayerHeights, Sliced};
 use crate::layers::stack::Layers;
@@ -161,10 +162,46 @@ fn slicing_words(sliced: Sliced) -> Option<String> {
 }
 
 fn gcode(args: &Args, mut opened: Opened) -> anyhow::Result<Checked> {
-    let named = material::of_gcode(&mut opened.file)?;
-    let (_told, _rules) = rules(args, named.unwrap_or("pla"))?;
-    let _bar = progress::bytes(opened.bytes, args.quiet);
-    anyhow::bail!("G-code cannot be checked yet")
+    let started = Instant::now();
+    let named = material::of_gcode(&mut opened.file).context("cannot read the file")?;
+    let (told, rules) = rules(args, named.unwrap_or("pla"))?;
+    let bar = progress::bytes(opened.bytes, args.quiet);
+    let reader = BufReader::with_capacity(BUFFER_BYTES, bar.wrap_read(opened.file));
+    let mut text = outrigger_gcode::bgcode::text(reader);
+    let kind = if text.is_binary().context("cannot read the file")? { "bgcode" } else { "gcode" };
+    let options = from_gcode::Options { filament_mm: args.filament_mm };
+    let mut layers = from_gcode::read(text, &options)?;
+    bar.finish_and_clear();
+    let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
+    report.warnings = tracing_words(layers.facts());
+    report.seconds.read = started.elapsed().as_secs_f64();
+    let (report, survey) = examine(args, &mut layers, &ask(args, rules), report)?;
+    Ok(Checked { report, mended_words: String::new(), survey })
+}
+
+/// What had to be guessed in G-code that the user should know.
+fn tracing_words(facts: &from_gcode::Facts) -> Vec<String> {
+    let mut words = Vec::new();
+    if !facts.features_told {
+        words.push(
+            "the file does not say what is support, skirt or tower: all of it was checked as part of the model"
+                .to_owned(),
+        );
+    }
+    if !facts.widths_told && !facts.filament_told {
+        words.push(format!(
+            "the file says neither how wide its beads are nor how thick the filament is: {:.2} mm was taken; \
+             --filament-mm gives the right one",
+            facts.filament_mm
+        ));
+    }
+    if facts.relative_e_guessed {
+        words.push(
+            "no line says whether E is relative (M83): it was taken so, as it makes no sense otherwise"
+                .to_owned(),
+        );
+    }
+    words
 }
 
 fn archive(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
