@@ -7,8 +7,9 @@ gcode_line: from each file of gcode/corpus, one line of every shape (a shape is
 the line with its digits taken out), five lines a seed, and the cases below,
 which no slicer of the corpus writes. reply: replies.txt, a reply a seed, and
 all of it at once. bgcode: the binary files of gcode/corpus, as blocks by
-themselves, with each compression and encoding, and text to be packed. Standard
-library only.
+themselves, with each compression and encoding, and text to be packed. stl: a
+block as binary, as text and as corners on the target's grid, whole and damaged.
+Standard library only.
 """
 import re
 import shutil
@@ -65,9 +66,29 @@ def bgcode():
     files = [path.read_bytes() for path in sorted((HERE / '../gcode/corpus').glob('*.bgcode'))]
     text = b'G1 X1.5 Y2 E.5 F300 ; a\n;TYPE:Perimeter\n\nM104 S200\nGET_POSITION\n'
     return blocks + [b''.join(blocks)] + [file[:4096] for file in files] + [bytes([how]) + text for how in range(32)]
+def stl():
+    sides = [((0, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 0)), ((0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
+             ((0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)), ((1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1)),
+             ((1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1)), ((0, 1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 1))]
+    block = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+    scaled = [[[4 * k for k in corner] for corner in t] for t in block]
+    inner = [[[k + 1 for k in corner] for corner in reversed(t)] for t in block]
+    soups = [block, block[1:], block[2:], block + block, block[:3] + [t[::-1] for t in block[3:]], scaled + inner, block * 3]
+    soups.append([[[k % 16 for k in corner] for corner in t] for n in range(8) for t in [[(n, 5, 0), (0, n, 6), (7, n, n)]]])
+    seeds = []
+    for soup in soups:
+        # Two bytes a corner, as the target takes them after an odd first byte.
+        seeds.append(b'\1' + b''.join(bytes((x | y << 4, z)) for t in soup for x, y, z in t))
+        triangles = b''.join(struct.pack('<12fH', 0, 0, 0, *(k for corner in t for k in corner), 0) for t in soup)
+        seeds.append(b'solid'.ljust(80) + struct.pack('<I', len(soup)) + triangles)
+        facets = ''.join('facet normal 0 0 0\nouter loop\n' + ''.join('vertex %g %g %.1e\n' % tuple(v) for v in t)
+                         + 'endloop\nendfacet\n' for t in soup[:20])
+        seeds.append(f'solid a\n{facets}endsolid a\n'.encode())
+    return seeds
 
 
 if __name__ == '__main__':
     write(HERE / 'target/seeds/gcode_line', gcode_line())
     write(HERE / 'target/seeds/reply', reply())
     write(HERE / 'target/seeds/bgcode', bgcode())
+    write(HERE / 'target/seeds/stl', stl())
