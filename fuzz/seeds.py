@@ -9,11 +9,14 @@ which no slicer of the corpus writes. reply: replies.txt, a reply a seed, and
 all of it at once. bgcode: the binary files of gcode/corpus, as blocks by
 themselves, with each compression and encoding, and text to be packed. stl: a
 block as binary, as text and as corners on the target's grid, whole and damaged.
-Standard library only.
+archive: small SL1 and NanoDLP jobs of our own, as zips and as the entries that
+archive.rs makes zips of. Standard library only.
 """
+import io
 import re
 import shutil
 import struct
+import zipfile
 import zlib
 from pathlib import Path
 
@@ -84,10 +87,44 @@ def stl():
         facets = ''.join('facet normal 0 0 0\nouter loop\n' + ''.join('vertex %g %g %.1e\n' % tuple(v) for v in t)
                          + 'endloop\nendfacet\n' for t in soup[:20])
         seeds.append(f'solid a\n{facets}endsolid a\n'.encode())
+def png(width, height, rows, depth=8, colour=0):
+    def chunk(kind, data):
+        return struct.pack('>I', len(data)) + kind + data + struct.pack('>I', zlib.crc32(kind + data))
+    header = struct.pack('>IIBBBBB', width, height, depth, colour, 0, 0, 0)
+    data = zlib.compress(b''.join(b'\0' + row for row in rows))
+    return b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', header) + chunk(b'IDAT', data) + chunk(b'IEND', b'')
+
+
+def archive():
+    art = ['#.#.####', '.#..#..#', '#.#.#.##', '....####', '####.#.#', '#..#.###']
+    rows = [bytes(255 if c == '#' else i * 20 for c in row) for i, row in enumerate(art)]
+    config = b'jobDir = j\nlayerHeight = 0.05\nexpTime = 5\nexpTimeFirst = 20\nnumFade = 1\nnumFast = 2\nnumSlow = 0\n'
+    panel = (b'display_width = 0.4\ndisplay_height = 0.3\ndisplay_pixels_x = 8\ndisplay_pixels_y = 6\n'
+             b'display_orientation = landscape\ndisplay_mirror_x = 1\n')
+    options = b'{"PWidth":8,"PHeight":6,"XPixelSize":0.019,"YPixelSize":0.024,"Thickness":50,"ImageMirror":1}'
+    profile = b'{"Depth":50,"CureTime":2,"SupportCureTime":20,"SupportLayerNumber":1,"TransitionalLayer":1}'
+    grey = png(8, 6, rows)
+    rgb = png(3, 6, [row + b'\0' for row in rows], colour=2)
+    bits = png(8, 6, [bytes([i * 37]) for i in range(6)], depth=1)
+    sl1 = [('config.ini', config), ('prusaslicer.ini', panel), ('j00000.png', grey), ('j00001.png', bits)]
+    nano = [('plate.json', b'{"LayersCount":2}'), ('options.json', options), ('profile.json', profile), ('1.png', grey)]
+    # The order of NAMES in src/archive.rs.
+    names = ['config.ini', 'prusaslicer.ini', 'j00000.png', 'j00001.png', 'plate.json', 'options.json', 'slicer.json',
+             'profile.json', 'override.json', '0.png', '1.png', '2.png']
+    seeds = []
+    for job in [sl1, nano + [('2.png', grey)], nano + [('2.png', bits)], nano[:3] + [('0.png', rgb), ('1.png', rgb)]]:
+        for packed in [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED]:
+            out = io.BytesIO()
+            with zipfile.ZipFile(out, 'w', packed) as z:
+                for name, data in job:
+                    z.writestr(zipfile.ZipInfo(name), data, packed)
+            seeds.append(out.getvalue())
+        seeds.append(b''.join(struct.pack('<BH', names.index(name), len(data)) + data for name, data in job))
     return seeds
 
 
 if __name__ == '__main__':
+    write(HERE / 'target/seeds/archive', archive())
     write(HERE / 'target/seeds/gcode_line', gcode_line())
     write(HERE / 'target/seeds/reply', reply())
     write(HERE / 'target/seeds/bgcode', bgcode())
