@@ -8,7 +8,7 @@ use super::shape::{Point, Polygon, Region, Ring, UNITS_PER_MM};
 use geo_clipper::{ClipperInt, EndType, JoinType};
 use geo_types::{Coord, LineString, MultiPolygon};
 use i_overlay::core::fill_rule::FillRule;
-use i_overlay::core::overlay::{Overlay, ShapeType};
+use i_overlay::core::overlay::{IntOverlayOptions, Overlay, ShapeType};
 use i_overlay::core::overlay_rule::OverlayRule;
 use i_overlay::core::relate::PredicateOverlay;
 use i_overlay::i_float::int::point::IntPoint;
@@ -46,7 +46,7 @@ fn region(shapes: Vec<Vec<Vec<IntPoint<i32>>>>) -> Region {
 /// The region that rings of any kind enclose: crossing, overlapping, wound either way.
 #[must_use]
 pub fn resolve<'a>(rings: impl IntoIterator<Item = &'a Ring>, inside: Inside) -> Region {
-    let mut overlay = Overlay::<i32>::new(256);
+    let mut overlay = Overlay::<i32>::new_custom(256, IntOverlayOptions::ogc(), Default::default());
     for ring in rings {
         overlay.add_path_iter(path(ring), ShapeType::Subject);
     }
@@ -163,6 +163,8 @@ fn disc_corners(radius_mm: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layers::shape::twice_area;
+    use proptest::prelude::*;
 
     fn square(x: f64, y: f64, side: f64) -> Region {
         let corner = |dx: f64, dy: f64| Point::from_mm(x + dx, y + dy);
@@ -207,5 +209,78 @@ mod tests {
         assert!((area(&grow(&square(0.0, 0.0, 2.0), -0.5)) - 1.0).abs() < 1e-6);
         let path = vec![Point::from_mm(0.0, 0.0), Point::from_mm(3.0, 0.0)];
         assert!((area(&stroke(&[path], 0.5)) - (3.0 + pi / 4.0)).abs() < 0.02);
+    }
+
+    /// Cells of a board that boxes wind around, and the number of pieces that hang
+    /// together by their sides.
+    fn pieces(boxes: &[([i32; 2], [i32; 2], bool)], inside: impl Fn(i32) -> bool) -> (usize, usize) {
+        const SIDE: usize = 10;
+        let mut cells = vec![0; SIDE * SIDE];
+        for (min, max, turned) in boxes {
+            for y in min[1]..max[1] {
+                for x in min[0]..max[0] {
+                    cells[y as usize * SIDE + x as usize] += if *turned { -1 } else { 1 };
+                }
+            }
+        }
+        let mut full: Vec<bool> = cells.into_iter().map(inside).collect();
+        let (count, mut pieces) = (full.iter().filter(|&&f| f).count(), 0);
+        while let Some(start) = full.iter().position(|&f| f) {
+            pieces += 1;
+            let mut stack = vec![start];
+            while let Some(at) = stack.pop() {
+                if std::mem::take(&mut full[at]) {
+                    let (x, y) = (at % SIDE, at / SIDE);
+                    stack.extend((x > 0).then(|| at - 1));
+                    stack.extend((x + 1 < SIDE).then_some(at + 1));
+                    stack.extend((y > 0).then(|| at - SIDE));
+                    stack.extend((y + 1 < SIDE).then_some(at + SIDE));
+                }
+            }
+        }
+        (count, pieces)
+    }
+
+    fn boxes() -> impl Strategy<Value = Vec<([i32; 2], [i32; 2], bool)>> {
+        let one = (0..9_i32, 0..9_i32, 1..6_i32, 1..6_i32, any::<bool>())
+            .prop_map(|(x, y, w, h, turned)| ([x, y], [(x + w).min(10), (y + h).min(10)], turned));
+        prop::collection::vec(one, 1..14)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+        #[test]
+        fn regions_are_what_they_say(boxes in boxes()) {
+            let ring = |(min, max, turned): &([i32; 2], [i32; 2], bool)| {
+                let mut ring: Ring = [(min[0], min[1]), (max[0], min[1]), (max[0], max[1]), (min[0], max[1])]
+                    .map(|(x, y)| Point { x: 100 * x, y: 100 * y })
+                    .to_vec();
+                if *turned {
+                    ring.reverse();
+                }
+                ring
+            };
+            let rings: Vec<Ring> = boxes.iter().map(ring).collect();
+            for (inside, rule) in [
+                (Inside::Positive, (|w| w > 0) as fn(i32) -> bool),
+                (Inside::NonZero, |w| w != 0),
+                (Inside::Odd, |w| w & 1 == 1),
+            ] {
+                let region = resolve(&rings, inside);
+                let (cells, count) = pieces(&boxes, rule);
+                prop_assert_eq!(region.rings().map(|r| twice_area(r)).sum::<i128>(), 20_000 * cells as i128);
+                prop_assert_eq!(region.polygons.len(), count, "{:?}", region);
+                for polygon in &region.polygons {
+                    for (k, ring) in polygon.rings.iter().enumerate() {
+                        prop_assert!((twice_area(ring) > 0) == (k == 0));
+                        let mut corners = ring.clone();
+                        corners.sort_unstable();
+                        corners.dedup();
+                        prop_assert_eq!(corners.len(), ring.len(), "a ring that meets itself: {:?}", ring);
+                    }
+                }
+            }
+        }
     }
 }
