@@ -4,5 +4,18 @@
 //! overhangs. One detector a file. Knows no file system, no clock and no picture.
 //!
 //! # Layout
+//! - [`walk`]: one walk over the layers that runs what was asked for
+//! - [`overlap`]: whether two polygons share area, exactly
+//! - [`links`]: which polygons a layer's polygons stand on
 //! - [`island`]: pieces of a layer that nothing below holds (paper 003)
+//! - [`overhang`]: what the overhang detectors give
 pub mod island;
+pub mod links;
+pub mod overhang;
+pub mod overhang_layer;
+pub mod overlap;
+mod regions;
+mod slabs;
+#[cfg(test)]
+mod testing;
+pub mod walk;

@@ -78,6 +78,33 @@ pub fn difference(a: &Region, b: &Region) -> Region {
     boolean(a, b, OverlayRule::Difference)
 }
 
+/// What rings enclose and others do not: `from` and `cut` may each overlap themselves,
+/// what is wound around at all counts as inside.
+#[must_use]
+pub fn without<'a>(
+    from: impl IntoIterator<Item = &'a Ring>,
+    cut: impl IntoIterator<Item = &'a Ring>,
+) -> Region {
+    winding(from, cut, OverlayRule::Difference)
+}
+
+/// What both sets of rings enclose, each taken as in [`without`].
+#[must_use]
+pub fn within<'a>(a: impl IntoIterator<Item = &'a Ring>, b: impl IntoIterator<Item = &'a Ring>) -> Region {
+    winding(a, b, OverlayRule::Intersect)
+}
+
+fn winding<'a>(
+    a: impl IntoIterator<Item = &'a Ring>,
+    b: impl IntoIterator<Item = &'a Ring>,
+    rule: OverlayRule,
+) -> Region {
+    let mut overlay = Overlay::<i32>::new(256);
+    a.into_iter().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Subject));
+    b.into_iter().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Clip));
+    region(overlay.overlay(rule, FillRule::NonZero))
+}
+
 /// Whether the interiors share a point; touching along an edge or in a point is not enough.
 #[must_use]
 pub fn overlaps(a: &Polygon, b: &Polygon) -> bool {

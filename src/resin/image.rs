@@ -1,0 +1,256 @@
+//! One layer's picture: PNG bytes to rows of brightness.
+//!
+//! Takes the bytes of a PNG file and what the job says of it ([`Panel`]), gives its
+//! rows from the top as 8-bit brightness, one a time, so that a picture of any
+//! allowed size costs the memory of a few rows. Knows no archive and no millimetre.
+use png::{ColorType, Decoder, DecodingError, Limits, Transformations};
+use std::io::Cursor;
+
+/// Most pixels along a side. The largest panels sold have 15,360 × 8,640.
+pub const MAX_SIDE_PX: u32 = 16_384;
+
+/// Most pixels of an interlaced picture, which must be held as a whole. No slicer
+/// interlaces.
+pub const MAX_INTERLACED_PX: u64 = 1 << 26;
+
+/// What the PNG reader may hold besides the rows: chunk buffers.
+const MAX_PNG_BYTES: usize = 8 << 20;
+
+/// The panel that a job's pictures are made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Panel {
+    /// Pixels of the panel along a picture's row.
+    pub width_px: u32,
+    /// Pixels of the panel along a picture's column.
+    pub height_px: u32,
+    /// How a picture's bytes are its pixels.
+    pub packing: Packing,
+}
+
+/// How a picture's bytes are the panel's pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packing {
+    /// A pixel of the picture is one of the panel.
+    Grey,
+    /// Red, green and blue of a pixel are three neighbours of a monochrome panel, which
+    /// is three times as wide as the picture (NanoDLP's "RGB" panels).
+    Subpixels,
+}
+
+/// A picture in memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// Pixels along a row.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Brightness, row by row from the top.
+    pub pixels: Vec<u8>,
+}
+
+/// Why a picture cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// It is no PNG file, or it is cut off or damaged.
+    #[error("the picture cannot be read ({0}); export the job again")]
+    Png(#[from] DecodingError),
+    /// Larger than any panel.
+    #[error("the picture has {width} × {height} px, at most {MAX_SIDE_PX} along a side are read")]
+    TooLarge {
+        /// Pixels along a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// Interlaced and too large to be held as a whole.
+    #[error(
+        "the picture of {width} × {height} px is interlaced, which is read up to {MAX_INTERLACED_PX} px; export it without interlacing"
+    )]
+    Interlaced {
+        /// Pixels along a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// Not of the panel's size.
+    #[error(
+        "the picture has {width} × {height} px, the job's panel needs {panel_width} × {panel_height}; export the job again for this printer"
+    )]
+    WrongSize {
+        /// Pixels along a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Pixels of the picture that the panel needs.
+        panel_width: u32,
+        /// Rows that the panel needs.
+        panel_height: u32,
+    },
+    /// Coloured: no brightness is given.
+    #[error(
+        "the picture is {colour}, and its pixel in column {column}, row {row} is coloured or transparent; export 8-bit grey pictures"
+    )]
+    Coloured {
+        /// What the picture says it is.
+        colour: &'static str,
+        /// From 0 at the left.
+        column: u32,
+        /// From 0 at the top.
+        row: u32,
+    },
+    /// A kind of picture that no job has.
+    #[error("the picture is {colour}; export 8-bit grey pictures")]
+    Unsupported {
+        /// What the picture says it is.
+        colour: &'static str,
+    },
+}
+
+impl Panel {
+    /// Width and height that a picture for it has.
+    #[must_use]
+    pub fn picture_px(self) -> [u32; 2] {
+        match self.packing {
+            Packing::Grey => [self.width_px, self.height_px],
+            Packing::Subpixels => [self.width_px.div_ceil(3), self.height_px],
+        }
+    }
+
+    /// Reads a picture and shows its rows from the top, each of `width_px` bytes.
+    /// 16 bits are cut to the upper 8; 1, 2 and 4 bits are spread over 0 to 255.
+    ///
+    /// # Errors
+    /// The picture is damaged, too large, of another size, or not grey.
+    pub fn rows(self, png: &[u8], mut show: impl FnMut(&[u8])) -> Result<(), ImageError> {
+        let mut decoder = decoder(png);
+        let (size, interlaced) = {
+            let info = decoder.read_header_info()?;
+            (info.size(), info.interlaced)
+        };
+        let (width, height) = checked(size)?;
+        let [panel_width, panel_height] = self.picture_px();
+        if [width, height] != [panel_width, panel_height] {
+            return Err(ImageError::WrongSize { width, height, panel_width, panel_height });
+        }
+        if interlaced && u64::from(width) * u64::from(height) > MAX_INTERLACED_PX {
+            return Err(ImageError::Interlaced { width, height });
+        }
+        decoder.set_transformations(Transformations::EXPAND | Transformations::STRIP_16);
+        let mut reader = decoder.read_info()?;
+        let colour = reader.output_color_type().0;
+        let mut grey = Greyed { panel: self, colour, row: 0, buffer: Vec::new() };
+        if interlaced {
+            let mut whole = vec![0; reader.output_buffer_size().unwrap_or(0)];
+            let line = reader.next_frame(&mut whole)?.line_size;
+            whole.chunks_exact(line).try_for_each(|row| grey.row(row, &mut show))?;
+        } else {
+            while let Some(row) = reader.next_row()? {
+                grey.row(row.data(), &mut show)?;
+            }
+        }
+        if grey.row != height {
+            // An animated PNG may announce a first frame that is smaller than the picture.
+            return Err(ImageError::WrongSize { width, height: grey.row, panel_width, panel_height });
+        }
+        Ok(())
+    }
+
+    /// Reads a picture into memory.
+    ///
+    /// # Errors
+    /// As [`Panel::rows`].
+    pub fn image(self, png: &[u8]) -> Result<Image, ImageError> {
+        let mut pixels = Vec::new();
+        self.rows(png, |row| pixels.extend_from_slice(row))?;
+        Ok(Image { width_px: self.width_px, height_px: self.height_px, pixels })
+    }
+}
+
+/// Width and height of a picture, from its header alone, px.
+///
+/// # Errors
+/// It is no PNG file, or larger than [`MAX_SIDE_PX`].
+pub fn size_px(png: &[u8]) -> Result<[u32; 2], ImageError> {
+    let (width, height) = checked(decoder(png).read_header_info()?.size())?;
+    Ok([width, height])
+}
+
+fn decoder(png: &[u8]) -> Decoder<Cursor<&[u8]>> {
+    let mut decoder = Decoder::new_with_limits(Cursor::new(png), Limits { bytes: MAX_PNG_BYTES });
+    // Neither says anything of a layer, and both are packed: room for a bomb.
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_ignore_iccp_chunk(true);
+    decoder
+}
+
+fn checked((width, height): (u32, u32)) -> Result<(u32, u32), ImageError> {
+    if width > MAX_SIDE_PX || height > MAX_SIDE_PX {
+        return Err(ImageError::TooLarge { width, height });
+    }
+    Ok((width, height))
+}
+
+/// Rows of any kind of picture as rows of brightness.
+struct Greyed {
+    panel: Panel,
+    colour: ColorType,
+    row: u32,
+    buffer: Vec<u8>,
+}
+
+impl Greyed {
+    fn row(&mut self, row: &[u8], show: &mut impl FnMut(&[u8])) -> Result<(), ImageError> {
+        // A panel whose width is no multiple of three has a pixel or two too many in the picture.
+        let width = self.panel.width_px as usize;
+        match (self.colour, self.panel.packing) {
+            (ColorType::Grayscale, Packing::Grey) => show(row),
+            (ColorType::Rgb, Packing::Subpixels) => show(&row[..width.min(row.len())]),
+            (ColorType::GrayscaleAlpha, Packing::Grey) => self.reduced::<2>(row, |p| p[1] == 255, show)?,
+            (ColorType::Rgb, Packing::Grey) => self.reduced::<3>(row, grey, show)?,
+            (ColorType::Rgba, Packing::Grey) => {
+                self.reduced::<4>(row, |p| grey(&[p[0], p[1], p[2]]) && p[3] == 255, show)?;
+            }
+            (ColorType::Rgba, Packing::Subpixels) => {
+                self.buffer.clear();
+                self.buffer.extend(row.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]));
+                self.buffer.truncate(width);
+                show(&self.buffer);
+            }
+            (colour, _) => return Err(ImageError::Unsupported { colour: named(colour) }),
+        }
+        self.row += 1;
+        Ok(())
+    }
+
+    /// Pixels of `N` bytes whose first is the brightness, where that is all that they say.
+    fn reduced<const N: usize>(
+        &mut self,
+        row: &[u8],
+        plain: impl Fn(&[u8; N]) -> bool,
+        show: &mut impl FnMut(&[u8]),
+    ) -> Result<(), ImageError> {
+        self.buffer.clear();
+        for (column, pixel) in row.as_chunks::<N>().0.iter().enumerate() {
+            if !plain(pixel) {
+                let colour = named(self.colour);
+                return Err(ImageError::Coloured { colour, column: column as u32, row: self.row });
+            }
+            self.buffer.push(pixel[0]);
+        }
+        show(&self.buffer);
+        Ok(())
+    }
+}
+
+fn grey(p: &[u8; 3]) -> bool {
+    p[0] == p[1] && p[1] == p[2]
+}
+
+fn named(colour: ColorType) -> &'static str {
+    match colour {
+        ColorType::Grayscale => "grey",
+        ColorType::GrayscaleAlpha => "grey with transparency",
+        ColorType::Rgb | ColorType::Indexed => "coloured (RGB)",
+        ColorType::Rgba => "coloured with transparency (RGBA)",
+    }
+}
