@@ -4,9 +4,10 @@
 //! Booleans and predicates are `i_overlay`'s on 32-bit integers, offsets are
 //! Clipper's (`geo-clipper`): each gives the same bits on every machine. Inputs
 //! lie within [`super::shape::MAX_COORDINATE`].
+use super::nest::Nester;
+use super::offset::offset;
 use super::shape::{Point, Polygon, Region, Ring, UNITS_PER_MM};
-use geo_clipper::{ClipperInt, EndType, JoinType};
-use geo_types::{Coord, LineString, MultiPolygon};
+use super::tidy::tidy;
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::core::overlay::{IntOverlayOptions, Overlay, ShapeType};
 use i_overlay::core::overlay_rule::OverlayRule;
@@ -114,43 +115,20 @@ pub fn overlaps(a: &Polygon, b: &Polygon) -> bool {
     overlay.interiors_intersect()
 }
 
-/// Greatest distance between an arc that Clipper draws and its chords, mm.
+/// Greatest distance between an arc and its chords, mm.
 const ARC_TOLERANCE_MM: f64 = 0.002;
-
-fn closed_line(ring: &[Point]) -> LineString<i64> {
-    let coord = |p: &Point| Coord { x: i64::from(p.x), y: i64::from(p.y) };
-    LineString(ring.iter().chain(ring.first()).map(coord).collect())
-}
-
-fn from_clipper(found: MultiPolygon<i64>) -> Region {
-    let ring = |l: LineString<i64>| -> Ring {
-        let mut ring: Ring = l.0.into_iter().map(|c| Point { x: c.x as i32, y: c.y as i32 }).collect();
-        if ring.len() > 1 && ring.first() == ring.last() {
-            ring.pop();
-        }
-        ring
-    };
-    let rings: Vec<Ring> = found
-        .into_iter()
-        .flat_map(|p| {
-            let (outer, holes) = p.into_inner();
-            std::iter::once(outer).chain(holes).map(ring).collect::<Vec<_>>()
-        })
-        .collect();
-    resolve(&rings, Inside::Odd)
-}
 
 /// Everything within a distance of the region (negative: what is farther than it from the outside).
 /// Corners become arcs that differ from circles by at most 2 µm.
 #[must_use]
 pub fn grow(a: &Region, distance_mm: f64) -> Region {
-    let polygon = |p: &Polygon| {
-        let mut rings = p.rings.iter().map(|r| closed_line(r));
-        geo_types::Polygon::new(rings.next().unwrap_or_else(|| LineString(Vec::new())), rings.collect())
-    };
-    let all = MultiPolygon(a.polygons.iter().map(polygon).collect());
-    let join = JoinType::Round(ARC_TOLERANCE_MM * UNITS_PER_MM);
-    from_clipper(ClipperInt::offset(&all, distance_mm * UNITS_PER_MM, join, EndType::ClosedPolygon))
+    let (distance, tolerance) = (distance_mm * UNITS_PER_MM, ARC_TOLERANCE_MM * UNITS_PER_MM);
+    if distance.is_nan() || distance == 0.0 {
+        return a.clone();
+    }
+    let mut rings: Vec<Ring> = a.rings().map(|r| offset(r, distance, tolerance)).collect();
+    rings.iter_mut().for_each(tidy);
+    Nester::default().nest(&rings).unwrap_or_else(|| resolve(&rings, Inside::Positive))
 }
 
 /// Everything within a distance of open paths: what a round nozzle of twice that width sweeps.
