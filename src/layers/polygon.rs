@@ -1,18 +1,27 @@
 //! Booleans, predicates and offsets of regions: the one place that names the
 //! polygon libraries.
 //!
-//! Booleans and predicates are `i_overlay`'s on 32-bit integers, offsets are
-//! Clipper's (`geo-clipper`): each gives the same bits on every machine. Inputs
-//! lie within [`super::shape::MAX_COORDINATE`].
+//! Takes regions and rings, gives regions and answers. Booleans and predicates are
+//! `i_overlay`'s on 32-bit integers; offsets are our own raw ones, resolved by it:
+//! both give the same bits on every machine. Inputs lie within
+//! [`super::shape::MAX_COORDINATE`]. Knows no layer.
+//!
+//! Where edges cross off the grid the crossing is rounded to it, and edges nearer than
+//! about one grid step may be drawn together. What touches is otherwise exact.
 use super::nest::Nester;
 use super::offset::offset;
-use super::shape::{Point, Polygon, Region, Ring, UNITS_PER_MM};
+use super::shape::{Bounds, Point, Polygon, Region, Ring, UNITS_PER_MM};
 use super::tidy::tidy;
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::core::overlay::{IntOverlayOptions, Overlay, ShapeType};
 use i_overlay::core::overlay_rule::OverlayRule;
 use i_overlay::core::relate::PredicateOverlay;
 use i_overlay::i_float::int::point::IntPoint;
+use rustc_hash::FxBuildHasher;
+use std::collections::HashSet;
+
+/// Most pairs of bounds that a boolean looks at before it begins.
+const MAX_BOUNDS_PAIRS: usize = 4096;
 
 /// Which points are inside rings that overlap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,21 +53,60 @@ fn region(shapes: Vec<Vec<Vec<IntPoint<i32>>>>) -> Region {
     shapes.into_iter().map(|s| Polygon { rings: s.into_iter().map(ring).collect() }).collect()
 }
 
+/// A boolean of rings; pieces that meet only in points come apart, so that every ring
+/// is simple and every polygon hangs together.
+fn overlay<'a>(
+    subject: impl IntoIterator<Item = &'a Ring>,
+    clip: impl IntoIterator<Item = &'a Ring>,
+    rule: OverlayRule,
+    inside: Inside,
+) -> Region {
+    let mut overlay = Overlay::<i32>::new_custom(256, IntOverlayOptions::ogc(), Default::default());
+    subject.into_iter().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Subject));
+    clip.into_iter().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Clip));
+    region(overlay.overlay(rule, inside.rule()))
+}
+
 /// The region that rings of any kind enclose: crossing, overlapping, wound either way.
 #[must_use]
 pub fn resolve<'a>(rings: impl IntoIterator<Item = &'a Ring>, inside: Inside) -> Region {
-    let mut overlay = Overlay::<i32>::new_custom(256, IntOverlayOptions::ogc(), Default::default());
-    for ring in rings {
-        overlay.add_path_iter(path(ring), ShapeType::Subject);
-    }
-    region(overlay.overlay(OverlayRule::Subject, inside.rule()))
+    overlay(rings, [], OverlayRule::Subject, inside)
 }
 
-fn boolean(a: &Region, b: &Region, rule: OverlayRule) -> Region {
-    let mut overlay = Overlay::<i32>::new(a.len() + b.len());
-    a.rings().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Subject));
-    b.rings().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Clip));
-    region(overlay.overlay(rule, FillRule::EvenOdd))
+/// A boolean of regions. Polygons whose bounds meet nothing of the other region, and
+/// those that both regions hold point for point, are spared it: what remains of them
+/// is known.
+fn boolean<'a>(a: &'a Region, b: &'a Region, rule: OverlayRule) -> Region {
+    let (a_alone, a_rest) = split(a, b);
+    let (b_alone, b_rest) = split(b, a);
+    let in_b: Polygons = b_rest.iter().copied().collect();
+    let (both, a_rest): (Vec<_>, Vec<_>) = a_rest.into_iter().partition(|p| in_b.contains(p));
+    let in_both: Polygons = both.iter().copied().collect();
+    let b_rest = b_rest.into_iter().filter(|p| !in_both.contains(p));
+    let rings = |p: &'a Polygon| p.rings.iter();
+    let mut found = overlay(a_rest.into_iter().flat_map(rings), b_rest.flat_map(rings), rule, Inside::Odd);
+    let (keep_a, keep_b, keep_both) = match rule {
+        OverlayRule::Union => (true, true, true),
+        OverlayRule::Intersect => (false, false, true),
+        _ => (true, false, false),
+    };
+    let kept = [(keep_a, a_alone), (keep_b, b_alone), (keep_both, both)];
+    found.polygons.extend(kept.into_iter().filter(|k| k.0).flat_map(|k| k.1).cloned());
+    found
+}
+
+type Polygons<'a> = HashSet<&'a Polygon, FxBuildHasher>;
+
+/// Polygons of `a` whose bounds share no point with those of any polygon of `b`, and the others.
+fn split<'a>(a: &'a Region, b: &Region) -> (Vec<&'a Polygon>, Vec<&'a Polygon>) {
+    let all = b.bounds();
+    // One by one only where that is cheap: the rest is for the boolean to find out.
+    let each = a.polygons.len() * b.polygons.len() <= MAX_BOUNDS_PAIRS;
+    let others: Vec<Bounds> = if each { b.polygons.iter().map(Polygon::bounds).collect() } else { vec![all] };
+    a.polygons.iter().partition(|p| {
+        let own = p.bounds();
+        !own.touch(all) || !others.iter().any(|o| own.touch(*o))
+    })
 }
 
 /// What is in either.
@@ -86,32 +134,40 @@ pub fn without<'a>(
     from: impl IntoIterator<Item = &'a Ring>,
     cut: impl IntoIterator<Item = &'a Ring>,
 ) -> Region {
-    winding(from, cut, OverlayRule::Difference)
+    overlay(from, cut, OverlayRule::Difference, Inside::NonZero)
 }
 
 /// What both sets of rings enclose, each taken as in [`without`].
 #[must_use]
 pub fn within<'a>(a: impl IntoIterator<Item = &'a Ring>, b: impl IntoIterator<Item = &'a Ring>) -> Region {
-    winding(a, b, OverlayRule::Intersect)
+    overlay(a, b, OverlayRule::Intersect, Inside::NonZero)
 }
 
-fn winding<'a>(
-    a: impl IntoIterator<Item = &'a Ring>,
-    b: impl IntoIterator<Item = &'a Ring>,
-    rule: OverlayRule,
-) -> Region {
-    let mut overlay = Overlay::<i32>::new(256);
-    a.into_iter().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Subject));
-    b.into_iter().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Clip));
-    region(overlay.overlay(rule, FillRule::NonZero))
+/// Everything in any of the regions, which may overlap.
+#[must_use]
+pub fn union_all<'a>(regions: impl IntoIterator<Item = &'a Region>) -> Region {
+    let rings: Vec<&Ring> = regions.into_iter().flat_map(Region::rings).collect();
+    resolve(rings, Inside::Positive)
 }
 
 /// Whether the interiors share a point; touching along an edge or in a point is not enough.
 #[must_use]
 pub fn overlaps(a: &Polygon, b: &Polygon) -> bool {
-    let mut overlay = PredicateOverlay::<i32>::new(a.len() + b.len());
+    overlaps_any(a, [b])
+}
+
+/// Whether the interior of `a` shares a point with that of any of the others, which do
+/// not overlap each other.
+#[must_use]
+pub fn overlaps_any<'a>(a: &Polygon, others: impl IntoIterator<Item = &'a Polygon>) -> bool {
+    let bounds = a.bounds();
+    let near: Vec<&Polygon> = others.into_iter().filter(|o| o.bounds().overlap(bounds)).collect();
+    if near.is_empty() {
+        return false;
+    }
+    let mut overlay = PredicateOverlay::<i32>::new(a.len() + near.iter().map(|o| o.len()).sum::<usize>());
     a.rings.iter().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Subject));
-    b.rings.iter().for_each(|r| overlay.add_path_iter(path(r), ShapeType::Clip));
+    near.iter().flat_map(|o| &o.rings).for_each(|r| overlay.add_path_iter(path(r), ShapeType::Clip));
     overlay.interiors_intersect()
 }
 
