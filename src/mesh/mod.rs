@@ -21,6 +21,8 @@ pub mod stl;
 mod twins;
 mod vector;
 
+use index::Index;
+use report::Report;
 use std::io::{Read, Seek};
 use vector::{cross, dot, sub};
 
@@ -43,15 +45,6 @@ pub struct Mesh {
     pub twins: Vec<u32>,
 }
 
-/// What a file was, and what was mended in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Report {
-    /// What the file was.
-    pub source: stl::Source,
-    /// What was mended, and what is left.
-    pub mended: report::Mended,
-}
-
 /// Why there is no mesh.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
@@ -70,18 +63,22 @@ pub enum MeshError {
 
 /// Reads a mesh from an STL file, binary or ASCII, and mends what can be mended.
 ///
+/// Takes some 100 bytes a triangle while it works, and as many as the mesh has
+/// afterwards. The same bytes give the same mesh.
+///
 /// # Errors
 /// The file cannot be read, or holds nothing that has an area.
 pub fn read(input: &mut (impl Read + Seek)) -> Result<(Mesh, Report), MeshError> {
-    let mut index = index::Index::new();
+    let mut index = Index::new();
     let source = stl::read(input, &mut index)?;
-    if index.triangles.is_empty() {
-        return Err(MeshError::NoArea { triangles: source.triangles });
+    let (vertices, triangles, degenerate) = index.into_parts();
+    let (mesh, mut mended) = repair::mend(vertices, triangles);
+    mended.degenerate_triangles += degenerate;
+    if mended.area_mm2 > 0.0 {
+        Ok((mesh, Report { source, mended }))
+    } else {
+        Err(MeshError::NoArea { triangles: source.triangles })
     }
-    let vertices = index.vertices.iter().map(|v| v.map(f64::from)).collect();
-    let (mesh, mut mended) = repair::mend(vertices, index.triangles);
-    mended.degenerate_triangles += index.degenerate;
-    Ok((mesh, Report { source, mended }))
 }
 
 /// Lowest and highest coordinates of some places; infinities the wrong way round without any.

@@ -1,6 +1,5 @@
 //! Meshes for tests: closed bodies whose volume is known, and files of them.
 use super::Mesh;
-use super::repair::mend;
 use super::report::Mended;
 use std::f64::consts::TAU;
 
@@ -133,11 +132,4 @@ pub(super) fn assert_sound(mesh: &Mesh, mended: &Mended) {
         t.iter().for_each(|&v| used[v as usize] = true);
     }
     assert!(used.iter().all(|&u| u), "every vertex has a triangle");
-}
-
-/// Unused by `mend` directly, but tests of single mends start here.
-pub(super) fn mend_indexed(vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> (Mesh, Mended) {
-    let (mesh, mended) = mend(vertices, triangles);
-    assert_sound(&mesh, &mended);
-    (mesh, mended)
 }

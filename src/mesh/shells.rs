@@ -20,8 +20,6 @@ pub(super) struct Shell {
     pub(super) area_mm2: f64,
     /// Area of its openings if they were flat, seen along their sum, mm²; 0 where it is closed.
     pub(super) net_area_mm2: f64,
-    /// Lowest and highest coordinates, mm.
-    pub(super) bounds_mm: [[f64; 3]; 2],
     /// One of its triangles: the largest.
     pub(super) largest: u32,
 }
@@ -72,6 +70,9 @@ struct Measure {
     shell: Shell,
     /// Volumes are measured from here.
     origin: [f64; 3],
+    /// Lowest and highest coordinates.
+    low: [f64; 3],
+    high: [f64; 3],
     /// Sum of the area vectors, twice; 0 for a closed shell.
     twice_area: [f64; 3],
     largest_mm2: f64,
@@ -85,10 +86,10 @@ impl Measure {
             volume_mm3: 0.0,
             area_mm2: 0.0,
             net_area_mm2: 0.0,
-            bounds_mm: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
             largest: 0,
         };
-        Measure { shell, origin, twice_area: [0.0; 3], largest_mm2: -1.0 }
+        let (low, high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        Measure { shell, origin, low, high, twice_area: [0.0; 3], largest_mm2: -1.0 }
     }
 
     fn add(&mut self, t: u32, [a, b, c]: [[f64; 3]; 3]) {
@@ -100,17 +101,15 @@ impl Measure {
         if area > self.largest_mm2 {
             (self.largest_mm2, self.shell.largest) = (area, t);
         }
-        let [low, high] = &mut self.shell.bounds_mm;
         for k in 0..3 {
             self.twice_area[k] += normal[k];
-            low[k] = low[k].min(a[k]).min(b[k]).min(c[k]);
-            high[k] = high[k].max(a[k]).max(b[k]).max(c[k]);
+            self.low[k] = self.low[k].min(a[k]).min(b[k]).min(c[k]);
+            self.high[k] = self.high[k].max(a[k]).max(b[k]).max(c[k]);
         }
     }
 
     fn finish(mut self) -> Shell {
-        let [low, high] = self.shell.bounds_mm;
-        let middle = [0, 1, 2].map(|k| (low[k] + high[k]) / 2.0);
+        let middle = [0, 1, 2].map(|k| (self.low[k] + self.high[k]) / 2.0);
         // Seen from the middle every triangle's height differs by the same vector.
         self.shell.volume_mm3 += dot(sub(self.origin, middle), self.twice_area) / 6.0;
         self.shell.net_area_mm2 = length(self.twice_area) / 2.0;

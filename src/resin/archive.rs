@@ -96,7 +96,8 @@ pub struct Archive<R> {
 /// Whether a file that begins so is a zip archive, as all resin archives are.
 #[must_use]
 pub fn is_zip(begins: &[u8]) -> bool {
-    begins.starts_with(b"PK\x03\x04")
+    // The second is an archive of nothing.
+    begins.starts_with(b"PK\x03\x04") || begins.starts_with(b"PK\x05\x06")
 }
 
 impl<R: Read + Seek> Archive<R> {
@@ -194,5 +195,171 @@ impl<R: Read + Seek> Archive<R> {
     pub fn read_named(&mut self, name: &str, limit: u64) -> Result<Vec<u8>, ArchiveError> {
         let index = self.find(name).ok_or_else(|| ArchiveError::Missing { name: name.to_owned() })?;
         self.read(index, limit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::resin::testing::{archive, stored};
+    use std::io::Cursor;
+
+    fn open(bytes: &[u8]) -> Result<Archive<Cursor<&[u8]>>, ArchiveError> {
+        Archive::open(Cursor::new(bytes))
+    }
+
+    /// Reads everything of an archive and gives what was said, or nothing.
+    fn says(bytes: &[u8]) -> String {
+        let read =
+            open(bytes).and_then(|mut a| (0..a.names().count()).try_for_each(|i| a.read(i, 1000).map(drop)));
+        read.err().map(|e| e.to_string()).unwrap_or_default()
+    }
+
+    #[track_caller]
+    fn check(bytes: &[u8], words: &[&str]) {
+        let said = says(bytes);
+        assert!(words.iter().all(|w| said.contains(w)) && said.is_empty() == words.is_empty(), "{said:?}");
+    }
+
+    /// Where some bytes stand, counted from the end.
+    fn last(bytes: &[u8], of: &[u8]) -> usize {
+        bytes.windows(of.len()).rposition(|w| w == of).expect("those bytes")
+    }
+
+    #[test]
+    fn entries_come_back() {
+        for bytes in [archive(&two()), stored(&two())] {
+            let mut a = open(&bytes).expect("an archive");
+            assert_eq!(a.names().collect::<Vec<_>>(), ["a.txt", "b/ü.png"]);
+            assert_eq!(a.read_named("b/ü.png", 1000).expect("read"), [7; 300]);
+            assert_eq!(a.read_named("a.txt", 5).expect("read"), b"hello");
+            assert_eq!((a.announced(1), a.find("c")), (300, None));
+            assert!(matches!(a.read_named("c", 9), Err(ArchiveError::Missing { .. })));
+            assert!(matches!(a.read(2, 9), Err(ArchiveError::Missing { .. })));
+            check(&bytes, &[]);
+        }
+    }
+
+    fn two() -> [(&'static str, Vec<u8>); 2] {
+        [("a.txt", b"hello".to_vec()), ("b/ü.png", vec![7; 300])]
+    }
+
+    #[test]
+    fn what_is_no_archive_is_refused() {
+        check(b"", &["not a zip archive", "[]"]);
+        check(b"G28 X\n", &["not a zip archive", "[47, 32, 38, 20]"]);
+        check(b"PK\x03\x04", &["cut off"]);
+        let good = archive(&two());
+        for cut in 4..good.len() {
+            check(&good[..cut], &["cut off"]);
+        }
+    }
+
+    #[test]
+    fn any_damaged_byte_is_read_or_refused() {
+        let good = archive(&two());
+        for at in 0..good.len() {
+            for flip in [1, 0x80, 0xff] {
+                let mut bad = good.clone();
+                bad[at] ^= flip;
+                says(&bad);
+            }
+        }
+    }
+
+    #[test]
+    fn a_bomb_ends_before_memory_is_spent() {
+        let zeros = archive(&[("bomb.png", vec![0; 30_000_000])]);
+        check(&zeros, &["\"bomb.png\" announces 30000000 bytes, 1000 at most"]);
+        // It announces ten bytes, in the directory and before its content.
+        let mut lying = zeros.clone();
+        let directory = last(&lying, b"PK\x01\x02");
+        lying[directory + 24..directory + 28].copy_from_slice(&10_u32.to_le_bytes());
+        lying[22..26].copy_from_slice(&10_u32.to_le_bytes());
+        check(&lying, &["\"bomb.png\" announces 10 bytes and holds more"]);
+        // And one that announces more than it holds.
+        let mut short = archive(&[("a", [1; 20])]);
+        let directory = last(&short, b"PK\x01\x02");
+        short[directory + 24..directory + 28].copy_from_slice(&999_u32.to_le_bytes());
+        check(&short, &["announces 999 bytes and holds 20"]);
+    }
+
+    #[test]
+    fn a_directory_that_lies_is_refused() {
+        let good = stored(&two());
+        let (first, end) = (good.len() - 22 - 105, good.len() - 22);
+        assert!(good[first..].starts_with(b"PK\x01\x02"));
+        let changed = |at: usize, bytes: &[u8]| {
+            let mut bad = good.clone();
+            bad[at..at + bytes.len()].copy_from_slice(bytes);
+            bad
+        };
+        check(&changed(end + 10, &[1, 0]), &["more entries than announced"]);
+        check(&changed(end + 10, &[3, 0]), &["damaged at byte"]);
+        check(&changed(end + 12, &[255, 255, 255, 0]), &["outside the file"]);
+        check(&changed(end + 12, &[255, 255, 255, 15]), &["no resin job"]);
+        check(&changed(end + 16, &[0, 1, 0, 0]), &["no entry where one is announced"]);
+        check(&changed(end + 4, &[1]), &["archive of several"]);
+        check(&changed(first + 8, &[1]), &["\"a.txt\"", "encrypted"]);
+        check(&changed(first + 10, &[12]), &["\"a.txt\"", "method 12"]);
+        check(&changed(first + 16, &[0; 4]), &["\"a.txt\"", "checksum"]);
+        check(&changed(first + 20, &[255; 3]), &["outside the file"]);
+        check(&changed(first + 42, &[1]), &["\"a.txt\"", "no header at byte 1"]);
+        check(&changed(first + 46, b"b"), &["\"b.txt\"", "another name"]);
+        let twice = [("a", [1; 9]), ("b", [1; 9])];
+        let mut twice = stored(&twice);
+        let (directory, local) = (last(&twice, b"PK\x01\x02"), last(&twice, b"PK\x03\x04"));
+        twice[directory + 46] = b'a';
+        twice[local + 30] = b'a';
+        check(&twice, &["two entries named \"a\""]);
+        // The second entry's content is the first one's.
+        twice[directory + 46] = b'b';
+        twice[directory + 42..directory + 46].fill(0);
+        check(&twice, &["overlap"]);
+    }
+
+    #[test]
+    fn too_many_entries_are_refused_by_their_number() {
+        // A zip64 record that announces 2^40 entries of a directory as large.
+        let mut bytes = b"PK\x03\x04".to_vec();
+        let at = bytes.len() as u64;
+        bytes.extend(b"PK\x06\x06");
+        bytes.resize(bytes.len() + 20, 0);
+        for figure in [1_u64 << 40, 1 << 40, 1 << 46, 0] {
+            bytes.extend(figure.to_le_bytes());
+        }
+        bytes.extend(b"PK\x06\x07\0\0\0\0");
+        bytes.extend(at.to_le_bytes());
+        bytes.extend([1, 0, 0, 0]);
+        bytes.extend(b"PK\x05\x06\0\0\0\0");
+        bytes.extend([0xff; 12]);
+        bytes.extend([0, 0]);
+        check(&bytes, &["1099511627776 entries", "no resin job"]);
+    }
+
+    #[test]
+    fn zip64_is_read() {
+        let good = stored(&[("a", [1; 9])]);
+        let (directory, end) = (last(&good, b"PK\x01\x02"), good.len() - 22);
+        let mut bytes = good[..directory].to_vec();
+        let mut entry = good[directory..end].to_vec();
+        entry[20..28].fill(0xff);
+        entry[30] = 20;
+        entry.extend([1, 0, 16, 0]);
+        entry.extend([9_u64, 9].map(u64::to_le_bytes).concat());
+        bytes.extend(&entry);
+        let at = bytes.len() as u64;
+        bytes.extend(b"PK\x06\x06");
+        bytes.resize(bytes.len() + 20, 0);
+        for figure in [1, 1, entry.len() as u64, directory as u64] {
+            bytes.extend(figure.to_le_bytes());
+        }
+        bytes.extend(b"PK\x06\x07\0\0\0\0");
+        bytes.extend(at.to_le_bytes());
+        bytes.extend([1, 0, 0, 0]);
+        bytes.extend(b"PK\x05\x06\0\0\0\0");
+        bytes.extend([0xff; 12]);
+        bytes.extend([0, 0]);
+        assert_eq!(open(&bytes).expect("an archive").read_named("a", 9).expect("read"), [1; 9]);
     }
 }

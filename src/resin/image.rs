@@ -128,10 +128,7 @@ impl Panel {
             (info.size(), info.interlaced)
         };
         let (width, height) = checked(size)?;
-        let [panel_width, panel_height] = self.picture_px();
-        if [width, height] != [panel_width, panel_height] {
-            return Err(ImageError::WrongSize { width, height, panel_width, panel_height });
-        }
+        self.fits([width, height])?;
         if interlaced && u64::from(width) * u64::from(height) > MAX_INTERLACED_PX {
             return Err(ImageError::Interlaced { width, height });
         }
@@ -148,11 +145,20 @@ impl Panel {
                 grey.row(row.data(), &mut show)?;
             }
         }
-        if grey.row != height {
-            // An animated PNG may announce a first frame that is smaller than the picture.
-            return Err(ImageError::WrongSize { width, height: grey.row, panel_width, panel_height });
+        // An animated PNG may announce a first frame that is smaller than the picture.
+        self.fits([width, grey.row])
+    }
+
+    /// Whether a picture of this width and height is one for it.
+    ///
+    /// # Errors
+    /// It is not.
+    pub fn fits(self, [width, height]: [u32; 2]) -> Result<(), ImageError> {
+        let [panel_width, panel_height] = self.picture_px();
+        if [width, height] == [panel_width, panel_height] {
+            return Ok(());
         }
-        Ok(())
+        Err(ImageError::WrongSize { width, height, panel_width, panel_height })
     }
 
     /// Reads a picture into memory.
@@ -252,5 +258,121 @@ fn named(colour: ColorType) -> &'static str {
         ColorType::GrayscaleAlpha => "grey with transparency",
         ColorType::Rgb | ColorType::Indexed => "coloured (RGB)",
         ColorType::Rgba => "coloured with transparency (RGBA)",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::resin::testing::{grey, picture};
+    use png::BitDepth;
+    use proptest::prelude::*;
+
+    const PANEL: Panel = Panel { width_px: 3, height_px: 2, packing: Packing::Grey };
+    const SUBPIXELS: Panel = Panel { packing: Packing::Subpixels, ..PANEL };
+
+    #[test]
+    fn every_kind_of_grey_is_read() {
+        use {BitDepth::*, ColorType::*};
+        let check = |panel: Panel, png: Vec<u8>, expect: &[u8]| {
+            assert_eq!(panel.image(&png).expect("read").pixels, expect);
+        };
+        let six = [0, 127, 128, 255, 1, 254];
+        check(PANEL, grey(3, 2, &six), &six);
+        check(PANEL, picture(3, 2, Grayscale, One, &[0b1010_0000, 0b0100_0000]), &[255, 0, 255, 0, 255, 0]);
+        check(PANEL, picture(3, 2, Grayscale, Two, &[0b0001_1011, 0]), &[0, 85, 170, 0, 0, 0]);
+        check(PANEL, picture(3, 2, Grayscale, Four, &[0x78, 0xf0, 0, 0]), &[119, 136, 255, 0, 0, 0]);
+        let wide: Vec<u8> = six.iter().flat_map(|&b| [b, 77]).collect();
+        check(PANEL, picture(3, 2, Grayscale, Sixteen, &wide), &six);
+        let clear: Vec<u8> = six.iter().flat_map(|&b| [b, 255]).collect();
+        check(PANEL, picture(3, 2, GrayscaleAlpha, Eight, &clear), &six);
+        let rgb: Vec<u8> = six.iter().flat_map(|&b| [b; 3]).collect();
+        check(PANEL, picture(3, 2, Rgb, Eight, &rgb), &six);
+        let rgba: Vec<u8> = six.iter().flat_map(|&b| [b, b, b, 255]).collect();
+        check(PANEL, picture(3, 2, Rgba, Eight, &rgba), &six);
+        check(PANEL, picture(3, 2, Indexed, One, &[0b1010_0000, 0]), &[255, 0, 255, 0, 0, 0]);
+        check(SUBPIXELS, picture(1, 2, Rgb, Eight, &six), &six);
+        check(SUBPIXELS, picture(1, 2, Rgba, Eight, &[0, 127, 128, 9, 255, 1, 254, 9]), &six);
+        // A panel of four pixels needs two of the picture: two of six are no pixels.
+        let four = Panel { width_px: 4, height_px: 1, packing: Packing::Subpixels };
+        check(four, picture(2, 1, Rgb, Eight, &six), &six[..4]);
+    }
+
+    #[test]
+    fn what_cannot_be_read_says_why() {
+        use {BitDepth::*, ColorType::*};
+        let check = |panel: Panel, png: &[u8], words: &[&str]| {
+            let said = panel.image(png).expect_err("refused").to_string();
+            assert!(words.iter().all(|w| said.contains(w)), "{said}");
+        };
+        let good = grey(3, 2, &[0, 50, 100, 150, 200, 250]);
+        check(PANEL, b"", &["cannot be read"]);
+        check(PANEL, b"GIF89a", &["cannot be read"]);
+        for cut in 8..good.len() - 12 {
+            check(PANEL, &good[..cut], &["cannot be read"]);
+        }
+        check(PANEL, &grey(2, 2, &[0; 4]), &["2 × 2 px", "3 × 2"]);
+        check(PANEL, &header(100_000, 100_000), &["100000 × 100000 px", "16384"]);
+        check(PANEL, &header(1, u32::MAX), &["1 × 4294967295 px"]);
+        check(PANEL, &header(3, 2), &["cannot be read"]);
+        let red: Vec<u8> = (0..18).map(|i| if i == 12 { 9 } else { 0 }).collect();
+        check(PANEL, &picture(3, 2, Rgb, Eight, &red), &["RGB", "column 1, row 1"]);
+        let ghost = picture(3, 2, GrayscaleAlpha, Eight, &[0; 12]);
+        check(PANEL, &ghost, &["transparency", "column 0, row 0"]);
+        check(SUBPIXELS, &grey(1, 2, &[0; 2]), &["picture is grey"]);
+    }
+
+    /// A PNG that is nothing but a header.
+    fn header(width: u32, height: u32) -> Vec<u8> {
+        let mut png = grey(1, 1, &[0]);
+        png[16..20].copy_from_slice(&width.to_be_bytes());
+        png[20..24].copy_from_slice(&height.to_be_bytes());
+        let mut crc = flate2::Crc::new();
+        crc.update(&png[12..29]);
+        png[29..33].copy_from_slice(&crc.sum().to_be_bytes());
+        png.truncate(33);
+        png
+    }
+
+    #[test]
+    fn only_the_header_is_needed_for_the_size() {
+        assert_eq!(size_px(&header(1440, 2560)).expect("a size"), [1440, 2560]);
+        assert!(matches!(size_px(&header(16_385, 1)), Err(ImageError::TooLarge { .. })));
+    }
+
+    /// Adam7 of one 8-bit grey picture of 3 × 2 px, packed without compression.
+    #[test]
+    fn interlaced_pictures_are_read() {
+        // Passes: 1 (0,0) · 4 (2,0) · 6 (1,0) · 7 row 1.
+        let passes = [0, 10, 0, 12, 0, 11, 0, 20, 21, 22];
+        let mut packed = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::none());
+        std::io::Write::write_all(&mut packed, &passes).expect("packed");
+        let packed = packed.finish().expect("packed");
+        let mut png = header(3, 2);
+        png[28] = 1;
+        let mut crc = flate2::Crc::new();
+        crc.update(&png[12..29]);
+        png[29..33].copy_from_slice(&crc.sum().to_be_bytes());
+        for (kind, bytes) in [(b"IDAT", &packed[..]), (b"IEND", &[])] {
+            let mut crc = flate2::Crc::new();
+            crc.update(kind);
+            crc.update(bytes);
+            png.extend((bytes.len() as u32).to_be_bytes());
+            png.extend(kind);
+            png.extend(bytes);
+            png.extend(crc.sum().to_be_bytes());
+        }
+        assert_eq!(PANEL.image(&png).expect("read").pixels, [10, 11, 12, 20, 21, 22]);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn rows_come_back((width, height) in (1_u32..40, 1_u32..20), seed in any::<u32>()) {
+            let pixels: Vec<u8> = (0..width * height).map(|i| (i ^ seed).wrapping_mul(0x9e37_79b1).to_le_bytes()[3]).collect();
+            let panel = Panel { width_px: width, height_px: height, packing: Packing::Grey };
+            let png = grey(width, height, &pixels);
+            prop_assert_eq!(panel.image(&png).expect("read").pixels, pixels);
+        }
     }
 }

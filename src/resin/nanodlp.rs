@@ -190,7 +190,9 @@ fn panel<R: Read + Seek>(
     let height_px = said("PHeight", options.p_height, height)?;
     let third = width_px > 2 && width_px.div_ceil(3) == width;
     let packing = if third { Packing::Subpixels } else { Packing::Grey };
-    Ok(Panel { width_px, height_px, packing })
+    let panel = Panel { width_px, height_px, packing };
+    panel.fits([width, height]).map_err(picture)?;
+    Ok(panel)
 }
 
 fn layers(
@@ -235,4 +237,144 @@ fn layers(
         exposure_s: exposure_s(i),
     };
     Ok(entries.iter().enumerate().map(layer).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::resin;
+    use crate::resin::testing::{archive, grey, picture};
+    use png::{BitDepth, ColorType};
+    use std::io::Cursor;
+
+    type Entries = Vec<(&'static str, Vec<u8>)>;
+
+    const OPTIONS_JSON: &str = r#"{"Type": "stl", "PWidth": 3, "PHeight": 2, "XPixelSize": 0.019, "YPixelSize": 0.024,
+        "Thickness": 50, "ImageMirror": 1, "DynamicThickness": null, "MC": {"X": null}, "LayerCount": 0}"#;
+    const PROFILE_JSON: &str = r#"{"Depth": 30, "CureTime": 2, "SupportCureTime": 20.0, "SupportLayerNumber": 2,
+        "TransitionalLayer": 2, "CustomValues": {"UvPwmValue": "1.0"}}"#;
+
+    /// A job of six layers of 3 × 2 px.
+    fn entries() -> Entries {
+        let mut entries: Entries = vec![
+            ("meta.json", b"{\"FormatVersion\": 2}".to_vec()),
+            ("options.json", OPTIONS_JSON.into()),
+            ("plate.json", b"{\"LayersCount\": 6, \"DynamicThickness\": []}".to_vec()),
+            ("profile.json", PROFILE_JSON.into()),
+            ("3d.png", grey(1, 1, &[9])),
+        ];
+        for (i, name) in ["1.png", "2.png", "3.png", "4.png", "5.png", "6.png"].into_iter().enumerate() {
+            entries.push((name, grey(3, 2, &[i as u8; 6])));
+        }
+        entries
+    }
+
+    fn open(entries: &Entries) -> Result<Job<Cursor<Vec<u8>>>, JobError> {
+        resin::open(Cursor::new(archive(entries)))
+    }
+
+    fn replaced(entries: &mut Entries, name: &str, from: &str, to: &str) {
+        let entry = entries.iter_mut().find(|e| e.0 == name).expect("such an entry");
+        let text = String::from_utf8(entry.1.clone()).expect("text");
+        assert!(text.contains(from));
+        entry.1 = text.replace(from, to).into_bytes();
+    }
+
+    #[test]
+    fn a_plate_is_read() {
+        let mut job = open(&entries()).expect("a job");
+        assert_eq!(job.format(), Format::NanoDlp);
+        assert_eq!(job.panel(), Panel { width_px: 3, height_px: 2, packing: Packing::Grey });
+        let expect = Placement { pixel_mm: [0.019, 0.024], reverse_u: true, reverse_v: true, swap: false };
+        assert_eq!(job.placement(), expect);
+        let exposures: Vec<f64> = job.layers().iter().map(|l| l.exposure_s).collect();
+        for (found, expect) in exposures.iter().zip([20.0, 20.0, 14.0, 8.0, 2.0, 2.0]) {
+            assert!((found - expect).abs() < 1e-9, "{exposures:?}");
+        }
+        let tops: Vec<f64> = job.layers().iter().map(|l| (l.top_mm * 1e6).round()).collect();
+        assert_eq!(tops, [5e4, 1e5, 1.5e5, 2e5, 2.5e5, 3e5]);
+        assert_eq!(job.image(5).expect("a picture").pixels, [5; 6]);
+    }
+
+    #[test]
+    fn names_and_keys_of_other_versions_are_read() {
+        let check = |change: &dyn Fn(&mut Entries), expect: &dyn Fn(&Job<Cursor<Vec<u8>>>)| {
+            let mut entries = entries();
+            change(&mut entries);
+            expect(&open(&entries).expect("a job"));
+        };
+        check(&|e| e[1].0 = "slicer.json", &|j| assert_eq!(j.layers().len(), 6));
+        check(&|e| drop(e.remove(2)), &|j| assert_eq!(j.layers().len(), 6));
+        check(&|e| e[10].0 = "0.png", &|j| assert_eq!(j.entry_name(0), "0.png"));
+        check(&|e| replaced(e, "options.json", "\"XPixelSize\": 0.019", "\"XRes\": 18"), &|j| {
+            assert!((j.placement().pixel_mm[0] - 0.018).abs() < 1e-12);
+        });
+        check(&|e| replaced(e, "options.json", "\"Thickness\": 50", "\"Thickness\": 0"), &|j| {
+            assert!((j.layers()[0].height_mm - 0.03).abs() < 1e-12);
+        });
+        check(&|e| e.push(("override.json", b"{\"CureTime\": 3}".to_vec())), &|j| {
+            assert_eq!(j.layers()[5].exposure_s, 3.0);
+        });
+        check(&|e| replaced(e, "options.json", "\"PWidth\": 3, \"PHeight\": 2, ", ""), &|j| {
+            assert_eq!(j.panel().picture_px(), [3, 2]);
+        });
+    }
+
+    #[test]
+    fn pictures_a_third_as_wide_hold_subpixels() {
+        let mut entries = entries();
+        for entry in &mut entries[5..] {
+            entry.1 = picture(1, 2, ColorType::Rgb, BitDepth::Eight, &[0, 255, 128, 7, 8, 9]);
+        }
+        let mut job = open(&entries).expect("a job");
+        assert_eq!(job.panel(), Panel { width_px: 3, height_px: 2, packing: Packing::Subpixels });
+        assert_eq!(job.image(0).expect("a picture").pixels, [0, 255, 128, 7, 8, 9]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let check = |change: &dyn Fn(&mut Entries), words: &[&str]| {
+            let mut entries = entries();
+            change(&mut entries);
+            let said = match open(&entries) {
+                Ok(mut job) => job.image(0).expect_err("refused").to_string(),
+                Err(e) => e.to_string(),
+            };
+            assert!(words.iter().all(|w| said.contains(w)), "{said}");
+        };
+        let set = |name: &'static str, from: &'static str, to: &'static str| {
+            move |e: &mut Entries| replaced(e, name, from, to)
+        };
+        check(&|e| e.truncate(5), &["no picture is named 1.png"]);
+        check(&|e| drop(e.remove(7)), &["layer 3 is missing", "\"3.png\""]);
+        check(&|e| drop(e.remove(5)), &["layer 1 is missing", "\"1.png\""]);
+        check(&|e| drop(e.pop()), &["\"plate.json\" announces 6 layers", "holds 5"]);
+        check(&|e| e.push(("01.png", vec![])), &["layer 1 has two pictures", "01.png"]);
+        check(&|e| drop(e.remove(1)), &["\"options.json\" has no XPixelSize"]);
+        check(&set("options.json", "0.019", "19"), &["XPixelSize = 19", "0.001 to 1 mm"]);
+        check(&set("options.json", "50", "-50"), &["Thickness = -50"]);
+        check(
+            &set("options.json", "\"PWidth\": 3", "\"PWidth\": 4"),
+            &["layer 0", "1.png", "3 × 2", "4 × 2"],
+        );
+        check(&set("options.json", "\"PWidth\": 3", "\"PWidth\": 1e9"), &["PWidth = 1000000000"]);
+        check(
+            &set("profile.json", "\"CureTime\": 2", "\"CureTime\": -2"),
+            &["profile.json", "CureTime = -2"],
+        );
+        check(&set("profile.json", "{", "{{"), &["\"profile.json\" cannot be understood", "line 1"]);
+        check(&set("plate.json", "[]", "[50, 100]"), &["plate.json", "DynamicThickness", "50 beside 100"]);
+        check(
+            &|e| {
+                e[5].1 = picture(
+                    3,
+                    2,
+                    ColorType::Rgb,
+                    BitDepth::Eight,
+                    &[0, 0, 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+                )
+            },
+            &["layer 0", "coloured"],
+        );
+    }
 }

@@ -117,7 +117,8 @@ fn panel<R: Read + Seek>(
     let pixel_mm = [side("display_width", wide)?, side("display_height", high)?];
     let png = archive.read(first, super::archive::MAX_ENTRY_BYTES)?;
     let entry = archive.name(first).to_owned();
-    let found = size_px(&png).map_err(|source| JobError::Picture { layer: 0, entry, source })?;
+    let picture = |source| JobError::Picture { layer: 0, entry: entry.clone(), source };
+    let found = size_px(&png).map_err(picture)?;
     let said = slicer.get("display_orientation").is_some_and(|o| o.eq_ignore_ascii_case("portrait"));
     let portrait = if wide == high { said } else { found == [high, wide] || (said && found != [wide, high]) };
     let mirror = |key| slicer.get(key).is_some_and(|v| v == "1");
@@ -128,7 +129,9 @@ fn panel<R: Read + Seek>(
         swap: portrait,
     };
     let [width_px, height_px] = if portrait { [high, wide] } else { [wide, high] };
-    Ok((Panel { width_px, height_px, packing: Packing::Grey }, placement))
+    let panel = Panel { width_px, height_px, packing: Packing::Grey };
+    panel.fits(found).map_err(picture)?;
+    Ok((panel, placement))
 }
 
 /// A file of `key = value` lines.
@@ -181,5 +184,154 @@ impl Ini {
     ) -> Result<f64, JobError> {
         let found = self.optional(key, range)?;
         found.ok_or_else(|| JobError::NoSetting { entry: self.entry.clone(), key, needed })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::resin;
+    use crate::resin::testing::{archive, grey, sl1, sl1_config, sl1_settings};
+    use std::io::Cursor;
+
+    type Entries = Vec<(String, Vec<u8>)>;
+
+    /// A job of three layers of 3 × 2 px.
+    fn entries() -> Entries {
+        let mut entries = vec![
+            ("config.ini".to_owned(), sl1_config(3).into_bytes()),
+            ("prusaslicer.ini".to_owned(), sl1_settings(3, 2).into_bytes()),
+            ("thumbnail/thumbnail400x400.png".to_owned(), grey(1, 1, &[9])),
+        ];
+        // Not in order: zip writers need not keep it.
+        for i in [2, 0, 1] {
+            entries.push((format!("job{i:05}.png"), grey(3, 2, &[i; 6])));
+        }
+        entries
+    }
+
+    fn open(entries: &Entries) -> Result<Job<Cursor<Vec<u8>>>, JobError> {
+        resin::open(Cursor::new(archive(entries)))
+    }
+
+    #[test]
+    fn layers_come_in_order_with_heights_and_exposures() {
+        let mut job = open(&entries()).expect("a job");
+        assert_eq!(job.format(), Format::Sl1);
+        assert_eq!(job.panel(), Panel { width_px: 3, height_px: 2, packing: Packing::Grey });
+        for (i, (top, height, exposure)) in
+            [(0.1, 0.1, 25.0), (0.15, 0.05, 20.0), (0.2, 0.05, 15.0)].into_iter().enumerate()
+        {
+            let layer = job.layers()[i];
+            assert!((layer.top_mm - top).abs() < 1e-12 && layer.height_mm == height, "{layer:?}");
+            assert!((layer.exposure_s - exposure).abs() < 1e-12, "{layer:?}");
+            let image = job.image(i as u32).expect("a picture");
+            assert_eq!(image.pixels, [i as u8; 6]);
+            assert_eq!(job.entry_name(i as u32), format!("job{i:05}.png"));
+        }
+        assert!(matches!(job.image(3), Err(JobError::LayerMissing { layer: 3, .. })));
+    }
+
+    #[test]
+    fn exposure_fades_as_the_firmware_does() {
+        let found: Vec<f64> = (0..6).map(|i| exposure_s(i, 45.0, 12.0, 4.0)).collect();
+        assert_eq!(found, [45.0, 36.75, 28.5, 20.25, 12.0, 12.0]);
+        assert_eq!(exposure_s(0, 45.0, 12.0, 0.0), 12.0);
+    }
+
+    #[test]
+    fn a_portrait_panel_is_turned_unless_its_pictures_are_not() {
+        let check = |settings: &str, picture: [u32; 2], expect: Placement| {
+            let mut entries = entries();
+            let settings = format!(
+                "{}{settings}",
+                sl1_settings(3, 2).replace("display_width = 3", "display_width = 1.5")
+            );
+            entries[1].1 = settings.into_bytes();
+            for entry in &mut entries[3..] {
+                entry.1 = grey(picture[0], picture[1], &[0; 6]);
+            }
+            let job = open(&entries).expect("a job");
+            assert_eq!(job.placement(), expect, "{settings_of:?}", settings_of = entries[1]);
+            assert_eq!(job.panel().picture_px(), picture);
+        };
+        let upright = Placement { pixel_mm: [0.5, 1.0], reverse_u: false, reverse_v: true, swap: false };
+        check("", [3, 2], upright);
+        check("display_mirror_x = 1\n", [3, 2], Placement { reverse_u: true, ..upright });
+        check("display_mirror_y = 1\n", [3, 2], Placement { reverse_v: false, ..upright });
+        let portrait = "display_orientation = portrait\ndisplay_mirror_x = 1\n";
+        let turned = Placement { pixel_mm: [1.0, 0.5], reverse_u: false, reverse_v: true, swap: true };
+        check(portrait, [2, 3], turned);
+        check(portrait, [3, 2], Placement { reverse_u: true, ..upright });
+    }
+
+    #[test]
+    fn settings_of_the_slicers_kin_are_read() {
+        let mut entries = entries();
+        entries[1].0 = "qidislicer.ini".to_owned();
+        let text = String::from_utf8(entries[1].1.clone()).expect("text");
+        entries[1].1 = format!("\u{feff}# made by\r\n; a\r\n{}", text.replace('\n', "\r\n")).into_bytes();
+        assert_eq!(open(&entries).expect("a job").layers().len(), 3);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let check = |change: &dyn Fn(&mut Entries), words: &[&str]| {
+            let mut entries = entries();
+            change(&mut entries);
+            let said = open(&entries).expect_err("refused").to_string();
+            assert!(words.iter().all(|w| said.contains(w)), "{said}");
+        };
+        let set = |file: usize, from: &'static str, to: &'static str| {
+            move |e: &mut Entries| {
+                let text = String::from_utf8(e[file].1.clone()).expect("text");
+                assert!(text.contains(from));
+                e[file].1 = text.replace(from, to).into_bytes();
+            }
+        };
+        check(&|e| e.truncate(0), &["no resin job", "[]"]);
+        check(&|e| drop(e.remove(0)), &["no resin job", "prusaslicer.ini"]);
+        check(&|e| drop(e.remove(1)), &["no \"prusaslicer.ini\""]);
+        check(&|e| e.truncate(3), &["no picture is named jobNNNNN.png"]);
+        check(&|e| drop(e.remove(3)), &["announces 3 layers", "holds 2"]);
+        check(&|e| drop(e.remove(4)), &["layer 0 is missing", "job00000.png"]);
+        check(&|e| drop(e.remove(5)), &["layer 1 is missing", "job00001.png"]);
+        check(&|e| e.push(("job000001.png".to_owned(), vec![])), &["layer 1 has two pictures"]);
+        check(&|e| e[4].1 = grey(2, 2, &[0; 4]), &["layer 0", "job00000.png", "2 × 2 px", "3 × 2"]);
+        check(&|e| e[4].1 = b"no picture".to_vec(), &["layer 0", "job00000.png", "cannot be read"]);
+        check(&set(0, "jobDir = job", "jobDir ="), &["config.ini", "no jobDir"]);
+        check(&set(0, "jobDir = job", "jobDir = ../job"), &["no picture is named ../jobNNNNN.png"]);
+        check(&set(0, "layerHeight = 0.05", "layerHeight = 0"), &["layerHeight = 0", "0.001 to 1"]);
+        check(&set(0, "layerHeight = 0.05", "layerHeight = nan"), &["layerHeight = nan"]);
+        check(&set(0, "expTime = 5", "expTime = five"), &["config.ini", "expTime = five"]);
+        check(&set(0, "numFade = 4", "numFade = 1e99"), &["numFade"]);
+        check(&set(1, "display_pixels_x = 3", "display_pixels_x = 100000"), &["display_pixels_x = 100000"]);
+        check(&set(1, "display_width = 3", "display_width = 1e-9"), &["display_width = 1e-9"]);
+        check(&set(1, "display_height = 2", ""), &["prusaslicer.ini", "no display_height"]);
+    }
+
+    #[test]
+    fn a_picture_that_is_unlike_the_first_is_found_when_it_is_read() {
+        let mut entries = entries();
+        entries[3].1 = grey(2, 3, &[0; 6]);
+        let mut job = open(&entries).expect("a job");
+        assert!(job.image(1).is_ok());
+        let said = job.image(2).expect_err("refused").to_string();
+        assert!(said.contains("layer 2 (\"job00002.png\"): the picture has 2 × 3 px"), "{said}");
+    }
+
+    #[test]
+    fn names_are_never_paths() {
+        let mut entries = entries();
+        for odd in ["../job00003.png", "/etc/job00003.png", "job00003.png/", "C:\\job00003.png", "job3.png"] {
+            entries.push((odd.to_owned(), vec![1]));
+        }
+        assert_eq!(open(&entries).expect("a job").layers().len(), 3);
+    }
+
+    #[test]
+    fn a_job_made_for_other_tests_is_a_job() {
+        let job = resin::open(Cursor::new(sl1(1, 1, &[vec![0], vec![255]]))).expect("a job");
+        assert_eq!(job.layers().len(), 2);
     }
 }

@@ -1,8 +1,8 @@
 //! Archives and pictures made for tests, here and in the rooms that read jobs.
 use png::{BitDepth, ColorType, Encoder};
 use std::io::{Cursor, Write};
-use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 /// The settings of a panel of 1 mm pixels, upright.
 pub(crate) fn sl1_settings(width: u32, height: u32) -> String {
@@ -32,9 +32,18 @@ pub(crate) fn sl1(width: u32, height: u32, layers: &[Vec<u8>]) -> Vec<u8> {
 
 /// A zip archive of some entries, packed as slicers do.
 pub(crate) fn archive<N: AsRef<str>, B: AsRef<[u8]>>(entries: &[(N, B)]) -> Vec<u8> {
+    zipped(entries, SimpleFileOptions::default())
+}
+
+/// A zip archive of some entries, not packed.
+pub(crate) fn stored<N: AsRef<str>, B: AsRef<[u8]>>(entries: &[(N, B)]) -> Vec<u8> {
+    zipped(entries, SimpleFileOptions::default().compression_method(CompressionMethod::Stored))
+}
+
+fn zipped<N: AsRef<str>, B: AsRef<[u8]>>(entries: &[(N, B)], options: SimpleFileOptions) -> Vec<u8> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, bytes) in entries {
-        zip.start_file(name.as_ref(), SimpleFileOptions::default()).expect("a new entry");
+        zip.start_file(name.as_ref(), options).expect("a new entry");
         zip.write_all(bytes.as_ref()).expect("written");
     }
     zip.finish().expect("a whole archive").into_inner()

@@ -14,9 +14,12 @@ use crate::mesh::vector::{area, distance};
 /// Most edges of a rim that is filled: the search takes their cube.
 const EDGES_MAX: usize = 64;
 
-/// Longest rim that is filled, in parts of the mesh's diagonal: 1 cm all round a
-/// hole in a part of 10 cm.
-const PERIMETER: f64 = 0.1;
+/// Longest rim that is filled, in parts of the mesh's diagonal.
+const PERIMETER: f64 = 0.5;
+
+/// Largest part of its shell's area that a filling may have: a cup's opening, a box's
+/// lid and a bust's missing base have 5 % and more.
+const AREA: f64 = 0.01;
 
 /// Widest slit that is filled however long it is (its area by half its perimeter),
 /// in parts of the diagonal: 10 µm for a part of 100 mm.
@@ -34,15 +37,15 @@ pub(super) fn fill(draft: &mut Draft, mended: &mut Mended) {
     let shells = Shells::of(&draft.vertices, &draft.triangles, &draft.pairing.twins);
     let mut areas = AREAS_MAX;
     let mut added = Vec::new();
-    for rim in rims(draft) {
+    for rim in Rims::of(draft).iter() {
         let cost = rim.len() * rim.len() * rim.len() / 6;
         if !(3..=EDGES_MAX).contains(&rim.len()) || cost > areas {
             continue;
         }
         areas -= cost;
         let shell = &shells.list[shells.of[(rim[0] / 3) as usize] as usize];
-        let Some((triangles, filling_mm2)) = cover(draft, &rim) else { continue };
-        if is_small(draft, &rim, filling_mm2, shell) {
+        let Some((triangles, filling_mm2)) = cover(draft, rim) else { continue };
+        if is_small(draft, rim, filling_mm2, shell) {
             mended.filled_holes += 1;
             mended.filling_triangles += triangles.len() as u64;
             added.extend(triangles);
@@ -55,30 +58,62 @@ pub(super) fn fill(draft: &mut Draft, mended: &mut Mended) {
     }
 }
 
-/// The half-edges along each rim, each beginning where the one before ends.
+/// The half-edges along each rim, each beginning where the one before ends; no vertex
+/// comes twice in a rim.
 ///
-/// From one to the next the way goes through the triangles about their vertex, so
-/// that two rims that touch in a vertex stay two.
-fn rims(draft: &Draft) -> Vec<Vec<u32>> {
-    let twins = &draft.pairing.twins;
-    let mut seen = vec![false; twins.len()];
-    let mut rims = Vec::new();
-    for first in 0..twins.len() as u32 {
-        if twins[first as usize] < CROWDED || seen[first as usize] {
-            continue;
-        }
-        let mut rim = Vec::new();
-        let mut h = first;
-        while !std::mem::replace(&mut seen[h as usize], true) {
-            rim.push(h);
-            h = next(h);
-            while twins[h as usize] < CROWDED {
-                h = next(twins[h as usize]);
+/// From one half-edge to the next the way goes through the triangles about their
+/// vertex. Where two holes share a vertex it leads from one into the other, and what
+/// came in between is cut out as a rim of its own.
+struct Rims {
+    half_edges: Vec<u32>,
+    /// Where in `half_edges` each rim ends.
+    ends: Vec<usize>,
+}
+
+/// Not in the rim that is being followed.
+const NOWHERE: u32 = u32::MAX;
+
+impl Rims {
+    fn of(draft: &Draft) -> Rims {
+        let twins = &draft.pairing.twins;
+        let mut seen = vec![false; twins.len()];
+        let mut positions = vec![NOWHERE; draft.vertices.len()];
+        let mut rims = Rims { half_edges: Vec::new(), ends: Vec::new() };
+        let mut path = Vec::new();
+        for first in 0..twins.len() as u32 {
+            let mut h = first;
+            while twins[h as usize] >= CROWDED && !std::mem::replace(&mut seen[h as usize], true) {
+                let start = draft.ends(h)[0] as usize;
+                if positions[start] != NOWHERE {
+                    rims.cut(draft, &mut path, positions[start], &mut positions);
+                }
+                positions[start] = path.len() as u32;
+                path.push(h);
+                h = next(h);
+                while twins[h as usize] < CROWDED {
+                    h = next(twins[h as usize]);
+                }
+            }
+            if !path.is_empty() {
+                rims.cut(draft, &mut path, 0, &mut positions);
             }
         }
-        rims.push(rim);
+        rims
     }
-    rims
+
+    /// Makes the end of a path, from a position on, a rim.
+    fn cut(&mut self, draft: &Draft, path: &mut Vec<u32>, from: u32, positions: &mut [u32]) {
+        for h in path.drain(from as usize..) {
+            positions[draft.ends(h)[0] as usize] = NOWHERE;
+            self.half_edges.push(h);
+        }
+        self.ends.push(self.half_edges.len());
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &[u32]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(from, &to)| &self.half_edges[from..to])
+    }
 }
 
 /// Whether a rim is a hole that nobody meant.
@@ -90,7 +125,7 @@ fn is_small(draft: &Draft, rim: &[u32], filling_mm2: f64, shell: &Shell) -> bool
     let perimeter: f64 = rim.iter().map(length).sum();
     let a_triangle = rim.len() == 3 && filling_mm2 <= TRIANGLE_AREA * shell.area_mm2;
     let a_slit = filling_mm2 <= SLIT_WIDTH * draft.diagonal_mm * perimeter / 2.0;
-    let a_spot = perimeter <= PERIMETER * draft.diagonal_mm && filling_mm2 <= TRIANGLE_AREA * shell.area_mm2;
+    let a_spot = perimeter <= PERIMETER * draft.diagonal_mm && filling_mm2 <= AREA * shell.area_mm2;
     a_triangle || a_slit || a_spot
 }
 
@@ -108,7 +143,7 @@ fn cover(draft: &Draft, rim: &[u32]) -> Option<(Vec<[u32; 3]>, f64)> {
             let mut best = (f64::INFINITY, 0);
             for m in i + 1..j {
                 let rest = least[i * count + m].0 + least[m * count + j].0;
-                if rest < best.0 && !folds(rim, &vertices, [i, m, j]) {
+                if rest < best.0 && !folds(rim, [i, m, j]) {
                     let total = rest + area(place(i), place(m), place(j));
                     if total < best.0 {
                         best = (total, m);
@@ -135,15 +170,10 @@ fn cover(draft: &Draft, rim: &[u32]) -> Option<(Vec<[u32; 3]>, f64)> {
     Some((triangles, total))
 }
 
-/// Whether a triangle between three places of a rim would be no triangle, or would
-/// lie back to back on one that has two of its edges on the rim.
-fn folds(rim: &[u32], vertices: &[u32], [i, m, j]: [usize; 3]) -> bool {
+/// Whether a triangle between three vertices of a rim would lie back to back on one
+/// that has two of its edges on the rim.
+fn folds(rim: &[u32], [i, m, j]: [usize; 3]) -> bool {
     let same = |a: usize, b: usize| rim[a] / 3 == rim[b] / 3;
     let [first, second, third] = [m == i + 1, j == m + 1, i == 0 && j == rim.len() - 1];
-    vertices[i] == vertices[m]
-        || vertices[m] == vertices[j]
-        || vertices[j] == vertices[i]
-        || first && second && same(i, m)
-        || second && third && same(m, j)
-        || third && first && same(j, i)
+    first && second && same(i, m) || second && third && same(m, j) || third && first && same(j, i)
 }

@@ -29,6 +29,10 @@ use draft::Draft;
 /// of it may have two more.
 const SPLIT_ROUNDS: usize = 4;
 
+/// Most open edges with which a mesh is taken for a body with cracks and holes. A file
+/// of more is a heap of loose triangles; it stays open, and memory stays bounded.
+const RIM_MAX: u64 = 4_000_000;
+
 /// Mends triangles whose corners are three different of the vertices, each at a
 /// place of its own.
 pub(super) fn mend(vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> (Mesh, Mended) {
@@ -37,14 +41,15 @@ pub(super) fn mend(vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> (Mesh, 
     if draft.pairing.has_crowds() {
         duplicate::drop(&mut draft, &mut mended);
     }
-    if draft.pairing.open > 0 {
+    let few_open = draft.pairing.open <= RIM_MAX;
+    if draft.pairing.open > 0 && few_open {
         close_rims(&mut draft, &mut mended);
     }
     if draft.pairing.has_crowds() {
         flip::agree(&mut draft, &mut mended);
         around::pair(&mut draft);
     }
-    if draft.is_open() {
+    if few_open && draft.is_open() {
         hole::fill(&mut draft, &mut mended);
     }
     let shells = inside_out::turn(&mut draft, &mut mended);
@@ -76,5 +81,11 @@ fn finish(mut draft: Draft, shells: &Shells, mut mended: Mended) -> (Mesh, Mende
     mended.shells = shells.list.len() as u64;
     mended.cavities = shells.list.iter().filter(|s| s.open_edges == 0 && s.volume_mm3 < 0.0).count() as u64;
     mended.open_shells = shells.list.iter().filter(|s| s.open_edges > 0).count() as u64;
+    mended.area_mm2 = shells.list.iter().map(|s| s.area_mm2).sum();
+    let volume_mm3 = shells.list.iter().map(|s| s.volume_mm3).sum();
+    mended.volume_mm3 = (open_edges == 0).then_some(volume_mm3);
     (mesh, mended)
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,7 +10,10 @@ use crate::mesh::{bounds, twins};
 
 /// Steps of search for each open edge, on average: several times what seams of real
 /// files take. A file made to take more keeps its T-junctions.
-const STEPS_PER_EDGE: usize = 512;
+const STEPS_PER_EDGE: usize = 64;
+
+/// Steps for all edges: a few seconds at most.
+const STEPS_MIN_MAX: [usize; 2] = [1_000_000, 50_000_000];
 
 /// Most cells along a side of the mesh's diagonal.
 const CELLS_MAX: f64 = 1024.0;
@@ -19,7 +22,8 @@ const CELLS_MAX: f64 = 1024.0;
 pub(super) fn split(draft: &mut Draft, mended: &mut Mended) -> bool {
     let rim = draft.pairing.rim();
     let grid = Grid::new(draft, &rim);
-    let mut steps = STEPS_PER_EDGE.saturating_mul(rim.len());
+    let [least, most] = STEPS_MIN_MAX;
+    let mut steps = (STEPS_PER_EDGE * rim.len()).clamp(least, most);
     let mut used = vec![false; draft.triangles.len()];
     let mut on_edge = Vec::new();
     let mut splits = 0;
