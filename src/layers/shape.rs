@@ -304,4 +304,30 @@ mod tests {
             [Point { x: -m, y: -m }, Point { x: m, y: -m }, Point { x: m, y: m }, Point { x: -m, y: m }];
         assert_eq!(twice_area(&ring), 8 * i128::from(m) * i128::from(m));
     }
+
+    #[test]
+    fn points_are_placed_exactly() {
+        let mut hole = rectangle([1.0, 3.0], [1.0, 3.0]);
+        hole.reverse();
+        let polygon = Polygon { rings: vec![rectangle([0.0, 4.0], [0.0, 4.0]), hole] };
+        let check = |x: f64, y: f64, expect: Place| {
+            assert_eq!(polygon.place(Point::from_mm(x, y)), expect, "{x} {y}");
+        };
+        check(0.5, 0.5, Place::Inside);
+        check(0.5, 1.0, Place::Inside);
+        check(2.0, 2.0, Place::Outside);
+        check(-1.0, 1.0, Place::Outside);
+        check(5.0, 0.0, Place::Outside);
+        for (x, y) in [(0.0, 0.0), (4.0, 4.0), (2.0, 0.0), (0.0, 3.0), (1.0, 1.0), (3.0, 2.0), (2.0, 3.0)] {
+            check(x, y, Place::Border);
+        }
+        // One step beside a long slanting edge, and on it.
+        let m = MAX_COORDINATE;
+        let edge = vec![Point { x: -m, y: -m }, Point { x: m, y: m - 1 }, Point { x: -m, y: m }];
+        let edge = Polygon { rings: vec![edge] };
+        assert_eq!(edge.place(Point { x: 1 - m, y: 1 - m }), Place::Inside);
+        assert_eq!(edge.place(Point { x: 0, y: -1 }), Place::Outside);
+        assert_eq!(edge.place(Point { x: 0, y: 0 }), Place::Inside);
+        assert_eq!(edge.place(Point { x: -m, y: 7 }), Place::Border);
+    }
 }
