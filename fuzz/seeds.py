@@ -87,6 +87,9 @@ def stl():
         facets = ''.join('facet normal 0 0 0\nouter loop\n' + ''.join('vertex %g %g %.1e\n' % tuple(v) for v in t)
                          + 'endloop\nendfacet\n' for t in soup[:20])
         seeds.append(f'solid a\n{facets}endsolid a\n'.encode())
+    return seeds
+
+
 def png(width, height, rows, depth=8, colour=0):
     def chunk(kind, data):
         return struct.pack('>I', len(data)) + kind + data + struct.pack('>I', zlib.crc32(kind + data))
