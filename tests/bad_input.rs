@@ -134,7 +134,7 @@ fn what_is_no_job_is_left() {
 }
 
 #[test]
-fn binary_gcode_is_passed_through() {
+fn binary_gcode_that_is_none() {
     let mut bytes = b"GCDE\x01\0\0\0\x01\0".to_vec();
     bytes.extend(garbage(50_000));
     check("binary G-code", &bytes, Expect::UntouchedSaying("binary"));

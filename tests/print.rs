@@ -291,7 +291,7 @@ fn bad_files_are_refused_before_the_first_byte() {
     };
     let long = format!("G28\nG1 X{}\n", "1".repeat(90));
     check("long.gcode", long.as_bytes(), "line 2 is 101 characters");
-    check("a.bgcode", b"GCDE\x01\0\0\0\0\0", "binary G-code");
+    check("a.bgcode", b"GCDE\x02\0\0\0\0\0", "version 2");
     check("a.gcode.gz", b"\x1f\x8b\x08\0\0\0", "gzip");
     check("a.bin", &[0xff; 1000], "binary data");
     check("empty.gcode", b"", "no command");

@@ -5,6 +5,7 @@ use crate::post::BEGINNING_BYTES;
 use crate::report::gain::most_improved;
 use crate::report::paths::svg;
 use anyhow::Context;
+use outrigger_gcode::bgcode::{bare_text, text};
 use outrigger_gcode::dialect::{Detection, detect};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -32,10 +33,13 @@ pub(super) fn write(name: &str, done: &Done, to: &Path) -> anyhow::Result<Option
     let after = files::open_regular(&done.target)?;
     let mut beginning = Vec::new();
     before.seek(SeekFrom::Start(0)).context("cannot read the job again for its picture")?;
-    before.take(BEGINNING_BYTES).read_to_end(&mut beginning).context("cannot read the job again")?;
+    text(buffered(before))
+        .take(BEGINNING_BYTES)
+        .read_to_end(&mut beginning)
+        .context("cannot read the job again")?;
     let Detection::One(dialect) = detect(&beginning) else { return Ok(None) };
     before.seek(SeekFrom::Start(0)).context("cannot read the job again for its picture")?;
-    let pair = most_improved(buffered(before), buffered(&after), dialect)
+    let pair = most_improved(bare_text(buffered(before)), bare_text(buffered(&after)), dialect)
         .context("cannot read the job again for its picture")?;
     let Some(pair) = pair else { return Ok(None) };
     files::write_text(&svg(name, &pair), to, "picture")?;

@@ -5,6 +5,7 @@
 //!
 //! # Layout
 //! - [`shape`]: points on a grid, polygons with holes, their measures
+//! - [`outline`]: what a round nozzle sweeps
 //! - [`polygon`]: booleans, predicates and offsets; alone names the polygon libraries
 //! - [`nest`]: rings that do not meet become polygons without a boolean
 //! - [`stack`]: a layer, and where layers come from
@@ -13,6 +14,7 @@ pub mod from_gcode;
 pub mod from_images;
 pub mod from_mesh;
 pub mod nest;
+pub mod outline;
 pub mod polygon;
 pub mod shape;
 pub mod stack;

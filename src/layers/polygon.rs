@@ -4,6 +4,7 @@
 //! Booleans and predicates are `i_overlay`'s on 32-bit integers, offsets are
 //! Clipper's (`geo-clipper`): each gives the same bits on every machine. Inputs
 //! lie within [`super::shape::MAX_COORDINATE`].
+use super::outline::outline;
 use super::shape::{Point, Polygon, Region, Ring, UNITS_PER_MM};
 use geo_clipper::{ClipperInt, EndType, JoinType};
 use geo_types::{Coord, LineString, MultiPolygon};
@@ -154,37 +155,24 @@ pub fn grow(a: &Region, distance_mm: f64) -> Region {
 }
 
 /// Everything within a distance of open paths: what a round nozzle of twice that width sweeps.
+/// Round ends and corners differ from circles by at most 2 µm.
 #[must_use]
 pub fn stroke(paths: &[Vec<Point>], distance_mm: f64) -> Region {
-    let radius = distance_mm * UNITS_PER_MM;
-    let corners = disc_corners(distance_mm);
-    let at = |p: Point, dx: f64, dy: f64| Point {
-        x: (f64::from(p.x) + dx).round() as i32,
-        y: (f64::from(p.y) + dy).round() as i32,
-    };
-    let mut rings: Vec<Ring> = Vec::new();
-    for path in paths {
-        for &p in path {
-            let turn = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(corners);
-            rings.push((0..corners).map(|k| at(p, radius * turn(k).cos(), radius * turn(k).sin())).collect());
-        }
-        for ends in path.windows(2) {
-            let [a, b] = [ends[0], ends[1]];
-            let (dx, dy) = (f64::from(b.x) - f64::from(a.x), f64::from(b.y) - f64::from(a.y));
-            let length = dx.hypot(dy);
-            if length > 0.0 {
-                let (nx, ny) = (-dy / length * radius, dx / length * radius);
-                rings.push(vec![at(a, -nx, -ny), at(b, -nx, -ny), at(b, nx, ny), at(a, nx, ny)]);
-            }
-        }
-    }
-    resolve(&rings, Inside::NonZero)
+    let paths = paths.iter().map(|path| (path.as_slice(), distance_mm));
+    sweep(paths, ARC_TOLERANCE_MM)
 }
 
-/// Corners of the polygon that stands for a disc of this radius, within the arc tolerance.
-fn disc_corners(radius_mm: f64) -> u32 {
-    let half = (1.0 - (ARC_TOLERANCE_MM / radius_mm).min(0.5)).acos();
-    (std::f64::consts::PI / half).ceil().clamp(6.0, 360.0) as u32
+/// What round nozzles sweep along open paths, each with its own radius in mm, united.
+/// Round ends and corners differ from circles by at most the tolerance, mm.
+#[must_use]
+pub fn sweep<'a>(paths: impl IntoIterator<Item = (&'a [Point], f64)>, tolerance_mm: f64) -> Region {
+    let mut overlay = Overlay::<i32>::new(1024);
+    for (points, radius_mm) in paths {
+        if let Some(ring) = outline(points, radius_mm * UNITS_PER_MM, tolerance_mm * UNITS_PER_MM) {
+            overlay.add_path_iter(path(&ring), ShapeType::Subject);
+        }
+    }
+    region(overlay.overlay(OverlayRule::Subject, FillRule::NonZero))
 }
 
 #[cfg(test)]

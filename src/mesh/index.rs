@@ -16,11 +16,11 @@ const FREE: u32 = u32::MAX;
 /// be made that collides, and the numbers do not depend on the keys.
 pub(super) struct Index {
     /// Places, mm, none twice; no −0.
-    pub(super) vertices: Vec<[f32; 3]>,
+    vertices: Vec<[f32; 3]>,
     /// Triangles of three different vertices.
-    pub(super) triangles: Vec<[u32; 3]>,
+    triangles: Vec<[u32; 3]>,
     /// Triangles left out because two corners are one vertex.
-    pub(super) degenerate: u64,
+    degenerate: u64,
     slots: Vec<u32>,
     /// The hash is shifted right by this to make a slot.
     shift: u32,
@@ -33,6 +33,11 @@ impl Index {
         let keys = [0_u64, 1, 2, 3].map(|k| random.hash_one(k));
         let (vertices, triangles) = (Vec::new(), Vec::new());
         Index { vertices, triangles, degenerate: 0, slots: vec![FREE; 16], shift: 60, keys }
+    }
+
+    /// Vertices, triangles, and how many were left out.
+    pub(super) fn into_parts(self) -> (Vec<[f64; 3]>, Vec<[u32; 3]>, u64) {
+        (self.vertices.iter().map(|v| v.map(f64::from)).collect(), self.triangles, self.degenerate)
     }
 
     fn slot(&self, bits: [u32; 3]) -> usize {

@@ -130,8 +130,8 @@ impl<'a, R: BufRead> PlainLines<'a, R> {
         let first = line.split(u8::is_ascii_whitespace).next().unwrap_or_default();
         match first.to_ascii_lowercase().as_slice() {
             b"" => (),
-            b"solid" => self.stage = Stage::Solid,
-            b"endsolid" => self.stage = Stage::Ended,
+            b"solid" if !self.inside.get() => self.stage = Stage::Solid,
+            b"endsolid" if !self.inside.get() => self.stage = Stage::Ended,
             b"facet" => {
                 self.inside.set(true);
                 self.stage = Stage::Solid;

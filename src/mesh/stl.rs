@@ -260,3 +260,156 @@ fn text_error(error: std::io::Error, line: &Cell<u64>, inside: &Cell<bool>, face
         _ => StlError::Read(error),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    #[derive(Default)]
+    struct All(Vec<[[f32; 3]; 3]>);
+
+    impl Sink for All {
+        fn expect(&mut self, triangles: usize) {
+            // What is believed of a count is at most what a file of a megabyte holds.
+            assert!(triangles < 1 << 20, "{triangles}");
+        }
+
+        fn triangle(&mut self, corners: [[f32; 3]; 3]) {
+            self.0.push(corners);
+        }
+    }
+
+    /// Reads a file: its triangles and what it was, or the error's words.
+    fn reading(file: &[u8]) -> Result<(Vec<[[f32; 3]; 3]>, Source), String> {
+        let mut all = All::default();
+        let source = read(&mut Cursor::new(file), &mut all).map_err(|e| e.to_string())?;
+        Ok((all.0, source))
+    }
+
+    /// A binary file of triangle (k, 0, 0), (0, 1, 0), (0, 0, 1) for each k from 1, whatever the count says.
+    fn binary(head: &str, count: u32, triangles: usize, after: &[u8]) -> Vec<u8> {
+        let mut file = head.as_bytes().to_vec();
+        file.resize(80, b' ');
+        file.extend(count.to_le_bytes());
+        for k in 1..=triangles {
+            file.extend([0xff; 12]);
+            for c in [k as f32, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] {
+                file.extend(c.to_le_bytes());
+            }
+            file.extend([7; 2]);
+        }
+        file.extend(after);
+        file
+    }
+
+    const FACET: &str = "facet normal 0 0 1\n outer loop\n  vertex 1 0 0\n  vertex 0 1 0\n  vertex 0 0 1\n endloop\nendfacet\n";
+
+    fn expected(triangles: usize) -> Vec<[[f32; 3]; 3]> {
+        (1..=triangles).map(|k| [[k as f32, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).collect()
+    }
+
+    #[test]
+    fn files_of_all_kinds_are_read() {
+        let check = |file: &[u8], format: Format, triangles: usize, trailing: u64, endsolid_missing: bool| {
+            let (found, source) = reading(file).unwrap_or_else(|e| panic!("{e}: {}", file.escape_ascii()));
+            let expect = Source { format, triangles: triangles as u64, trailing, endsolid_missing };
+            assert_eq!(source, expect, "{}", file.escape_ascii());
+            match format {
+                Format::Binary => assert_eq!(found, expected(triangles)),
+                Format::Ascii => assert_eq!(found, vec![expected(1)[0]; triangles]),
+            }
+        };
+        let binaries =
+            [binary("", 3, 3, b""), binary("solid part", 3, 3, b""), binary("solid\nfacet", 3, 3, b"")];
+        binaries.iter().for_each(|file| check(file, Format::Binary, 3, 0, false));
+        check(&binary("solid part", 3, 3, b"junk"), Format::Binary, 3, 4, false);
+        check(&binary("", 2, 3, b""), Format::Binary, 2, 50, false);
+        let text = |text: &str, triangles: usize, trailing: u64, endsolid_missing: bool| {
+            check(text.as_bytes(), Format::Ascii, triangles, trailing, endsolid_missing);
+        };
+        let solid = format!("solid part\n{FACET}endsolid part\n");
+        text(&solid, 1, 0, false);
+        text(&solid.replace('\n', "\r\n"), 1, 0, false);
+        text(&solid.replace('\n', "\r"), 1, 0, false);
+        text(&solid.to_uppercase(), 1, 0, false);
+        text(&format!("\u{feff}\n  {}", solid.replace('\n', "\n\n")), 1, 0, false);
+        text(&solid.replace("part", "Größe 12 µm"), 1, 0, false);
+        text(&solid.replace(" part", ""), 1, 0, false);
+        text(&solid.replace("0 0 1\n outer", "nan -NaN inf\n outer"), 1, 0, false);
+        text(&solid.replace("vertex 1 0 0", "vertex +1.0e+000 -0.0 .0"), 1, 0, false);
+        text(&format!("{solid}{solid}solid empty\nendsolid\n"), 2, 0, false);
+        text(&format!("{solid}\0\0\0\nmade by hand\n"), 1, 2, false);
+        text(&format!("{solid}facet_count 1\n{solid}"), 2, 1, false);
+        text(&format!("solid part\n{FACET}{FACET}"), 2, 0, true);
+        text(format!("solid part\n{FACET}").trim_end(), 1, 0, true);
+    }
+
+    #[test]
+    fn bad_files_are_refused_with_place_and_reason() {
+        let check = |file: &[u8], expect: &str| {
+            let error = reading(file).expect_err(&file.escape_ascii().to_string());
+            assert!(error.contains(expect), "{error:?} instead of {expect:?}");
+        };
+        check(b"", "it has 0 bytes");
+        check(b"PK\x03\x04", "no STL file: it has 4 bytes");
+        check(&[0; 83], "it has 83 bytes");
+        check(&binary("", 0, 0, b""), "no triangles");
+        check(&binary("solid", 0, 0, b""), "no triangles");
+        check(&binary("", 0, 4, b""), "200 bytes follow, enough for 4: the program");
+        check(
+            &binary("", 4, 3, b""),
+            "promises 4 triangles (284 bytes), but it has 234 bytes, enough for 3;",
+        );
+        check(&binary("", u32::MAX, 3, b""), "promises 4294967295 triangles (214748364834 bytes)");
+        check(&binary("solid part", 4, 3, &[0; 49]), "enough for 3;");
+        for (bad, words) in [(f32::NAN, "(NaN)"), (f32::INFINITY, "(inf)"), (f32::NEG_INFINITY, "(-inf)")] {
+            let mut file = binary("", 3, 3, b"");
+            file[84 + 50 + 12 + 8..84 + 50 + 12 + 12].copy_from_slice(&bad.to_le_bytes());
+            check(&file, "triangle 2 has a corner");
+            check(&file, words);
+        }
+        let text = |text: &str, expect: &str| check(text.as_bytes(), expect);
+        let solid = format!("solid part\n{FACET}endsolid part\n");
+        text("solid", "no triangles");
+        text("solid part\nendsolid part\n", "no triangles");
+        text("solid\n\n\n", "no triangles");
+        text(&format!("solid part\n{FACET}{}", &FACET[..46]), "cut short: it ends in line 11 within facet 2");
+        text(&solid.replace("  vertex 0 0 1\n", ""), "line 6: vertex f32 f32 f32, got [\"endloop\"]");
+        text(&solid.replace(" endloop", "  vertex 1 1 1\n endloop"), "line 7: ");
+        text(&solid.replace("vertex 0 1 0", "vertex 0 1"), "line 5: ");
+        text(&solid.replace("vertex 0 1 0", "vertex 0 1,5 0"), "line 5: invalid float literal");
+        text(&solid.replace("vertex 0 1 0", "vertex 0 nan 0"), "line 5: expected finite");
+        text(&solid.replace("vertex 0 1 0", "vertex 0 1e99 0"), "line 5: expected finite");
+        text(&solid.replace("endfacet\n", ""), "line 8: expected [\"endfacet\"], got");
+        text(&solid.replace("endfacet", "hello"), "line 8: expected");
+        check(&[b"solid\nfacet ", &[b'x'; 5000][..]].concat(), "line 2: longer than 4096 bytes");
+        check(&[b"solid part\nfacet\nouter loop\nvertex \xff 0 0", &[b'\n'; 60][..]].concat(), "line 4: ");
+    }
+
+    #[test]
+    fn a_reader_that_fails_is_told() {
+        struct Broken(Cursor<Vec<u8>>);
+        impl Read for Broken {
+            fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+                let at_most = buffer.len().min(512);
+                let read = self.0.read(&mut buffer[..at_most])?;
+                if self.0.position() > 4000 {
+                    Err(std::io::Error::other("the disk is gone"))
+                } else {
+                    Ok(read)
+                }
+            }
+        }
+        impl Seek for Broken {
+            fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+                self.0.seek(to)
+            }
+        }
+        let text = format!("solid part\n{}endsolid", FACET.repeat(100)).into_bytes();
+        for file in [binary("", 100, 100, b""), text] {
+            let error = read(&mut Broken(Cursor::new(file)), &mut All::default()).expect_err("broken");
+            assert!(matches!(&error, StlError::Read(e) if e.to_string().contains("gone")), "{error}");
+        }
+    }
+}

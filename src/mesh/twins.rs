@@ -6,24 +6,58 @@
 //! buckets are small or sorted. Knows no place of a vertex.
 use super::OPEN;
 
+/// The half-edge is one of a crowd: see [`Pairing::crowds`].
+pub(super) const CROWDED: u32 = OPEN - 1;
+
 /// The pairs of half-edges, and what cannot be paired so simply.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Pairing {
-    /// As in [`super::Mesh::twins`].
+    /// As in [`super::Mesh::twins`], or [`CROWDED`].
     pub(super) twins: Vec<u32>,
-    /// Half-edges of edges with two in the same direction, or three and more: edge by edge.
-    pub(super) crowded: Vec<u32>,
-    /// Where in `crowded` each edge ends.
-    pub(super) crowded_ends: Vec<u32>,
     /// Edges of one half-edge.
-    pub(super) single: u64,
+    pub(super) open: u64,
+    /// Half-edges of the crowds, crowd by crowd.
+    crowded: Vec<u32>,
+    /// Where in `crowded` each crowd ends.
+    ends: Vec<u32>,
 }
 
 impl Pairing {
-    /// Each crowded edge's half-edges.
+    /// The half-edges of each edge that has two in the same direction, or three and more.
     pub(super) fn crowds(&self) -> impl Iterator<Item = &[u32]> {
-        let starts = std::iter::once(0).chain(self.crowded_ends.iter().copied());
-        starts.zip(&self.crowded_ends).map(|(from, &to)| &self.crowded[from as usize..to as usize])
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(from, &to)| &self.crowded[from as usize..to as usize])
+    }
+
+    /// Whether any edge has a crowd.
+    pub(super) fn has_crowds(&self) -> bool {
+        !self.ends.is_empty()
+    }
+
+    /// Half-edges that are alone on their edge.
+    pub(super) fn rim(&self) -> Vec<u32> {
+        (0..self.twins.len() as u32).filter(|&h| self.twins[h as usize] == OPEN).collect()
+    }
+
+    /// Makes two half-edges neighbours.
+    pub(super) fn join(&mut self, h: u32, other: u32) {
+        self.twins[h as usize] = other;
+        self.twins[other as usize] = h;
+    }
+
+    /// What an edge with these half-edges, as (far vertex, half-edge), becomes.
+    fn edge(&mut self, triangles: &[[u32; 3]], edge: &[(u32, u32)]) {
+        match *edge {
+            [_] => self.open += 1,
+            [(_, h), (_, other)] if ends(triangles, h)[0] != ends(triangles, other)[0] => self.join(h, other),
+            _ => {
+                for &(_, h) in edge {
+                    self.twins[h as usize] = CROWDED;
+                    self.crowded.push(h);
+                }
+                self.ends.push(self.crowded.len() as u32);
+            }
+        }
     }
 }
 
@@ -37,6 +71,11 @@ pub(super) fn ends(triangles: &[[u32; 3]], h: u32) -> [u32; 2] {
     let corners = triangles[(h / 3) as usize];
     let k = (h % 3) as usize;
     [corners[k], corners[(k + 1) % 3]]
+}
+
+/// The corner of its triangle that a half-edge does not touch.
+pub(super) fn apex(triangles: &[[u32; 3]], h: u32) -> u32 {
+    triangles[(h / 3) as usize][((h + 2) % 3) as usize]
 }
 
 /// Pairs the half-edges of triangles whose corners are three different of `vertices` vertices.
@@ -69,20 +108,4 @@ pub(super) fn pair(triangles: &[[u32; 3]], vertices: usize) -> Pairing {
         }
     }
     pairing
-}
-
-impl Pairing {
-    fn edge(&mut self, triangles: &[[u32; 3]], edge: &[(u32, u32)]) {
-        match *edge {
-            [_] => self.single += 1,
-            [(_, h), (_, other)] if ends(triangles, h)[0] != ends(triangles, other)[0] => {
-                self.twins[h as usize] = other;
-                self.twins[other as usize] = h;
-            }
-            _ => {
-                self.crowded.extend(edge.iter().map(|&(_, h)| h));
-                self.crowded_ends.push(self.crowded.len() as u32);
-            }
-        }
-    }
 }

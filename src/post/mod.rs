@@ -8,9 +8,11 @@
 //! annotate (lines → layers) → passes (rows → rows) → write
 //!                                            └─ verify, always last, from the text again
 //! ```
+//! `container` gives the text of binary G-code and takes it back.
 //! Three threads, a few small layers or one large between each: memory is bounded by the largest layers.
 pub mod annotate;
 mod batch;
+mod container;
 mod emit;
 pub mod habits;
 pub mod layer;
@@ -27,14 +29,15 @@ pub mod verify;
 
 use annotate::{Layers, Unfit};
 use batch::{Batches, batches};
+use container::{Container, Counted, Output, gcode};
 use habits::FileHabits;
 use layer::Layer;
-use outrigger_gcode::BINARY_MAGIC;
+use outrigger_gcode::bgcode::damage;
 use outrigger_gcode::dialect::{Detection, Dialect, detect};
 use passes::Wishes;
 use report::Report;
 use section::Neighbours;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{BufRead, Read, Seek, SeekFrom, Write};
 use std::sync::mpsc::Receiver;
 use time::Accelerations;
 use verify::{Difference, Figures, Verifier};
@@ -82,22 +85,43 @@ enum Unchanged {
     Write(#[source] std::io::Error),
 }
 
-/// Post-processes a job. `progress` is told how many bytes have been read.
+/// Post-processes a job, text or binary G-code. `progress` is told how many bytes have been read.
 ///
 /// When the report has an `unchanged_reason`, what was written must not be used:
 /// the input stands.
 ///
 /// # Errors
-/// The input cannot be read, or the output not written.
+/// The input cannot be read, or the output not written. Damaged binary G-code is
+/// no error, but a reason to leave it.
 pub fn post(
     input: &mut (impl Read + Seek + Send),
     output: &mut (impl Write + Send),
     options: Options,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Result<Report, Failure> {
-    let mut report = Report::default();
-    let beginning = read_at(input, 0, BEGINNING_BYTES).map_err(Failure::Read)?;
+    match post_readable(input, output, options, progress) {
+        Err(Failure::Read(error) | Failure::Write(error)) if damage(&error).is_some() => {
+            let mut report = Report::default();
+            report.unchanged(error.to_string());
+            Ok(report)
+        }
+        done => done,
+    }
+}
+
+fn post_readable(
+    input: &mut (impl Read + Seek + Send),
+    output: &mut (impl Write + Send),
+    options: Options,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<Report, Failure> {
+    let container = Container::of(input).map_err(Failure::Read)?;
+    if let Some(reason) = container.refusal() {
+        return measured_only(input, options, reason.to_owned());
+    }
+    let beginning = container::beginning(input, BEGINNING_BYTES).map_err(Failure::Read)?;
     if let Some(reason) = not_for_us(&beginning) {
+        let mut report = Report::default();
         report.unchanged(reason);
         return Ok(report);
     }
@@ -111,17 +135,13 @@ pub fn post(
             return measured_only(input, options, "no slicer's layer comments that are known".to_owned());
         }
     };
-    let habits = file_habits(input, &beginning, dialect).map_err(Failure::Read)?;
+    let habits = file_habits(input, container, &beginning, dialect).map_err(Failure::Read)?;
+    let made = container.begin(input, &mut *output).map_err(Failure::Write)?;
     input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
-    match run(input, output, dialect, &habits, options, progress) {
+    match run(Counted::new(&mut *input, progress), made, dialect, &habits, options) {
         Ok((figures, tally)) => {
-            report.put(&figures);
-            report.sections = tally.sections;
-            report.sections_changed = tally.changed;
-            if tally.changed == 0 {
-                report.unchanged("no order is better than the slicer's own");
-            }
-            Ok(report)
+            container.end(input, output).map_err(Failure::Write)?;
+            Ok(report(&figures, tally))
         }
         Err(Unchanged::Unfit(Unfit::Read { source, .. })) => Err(Failure::Read(source)),
         Err(Unchanged::Write(source)) => Err(Failure::Write(source)),
@@ -129,10 +149,18 @@ pub fn post(
     }
 }
 
-fn not_for_us(beginning: &[u8]) -> Option<String> {
-    if beginning.starts_with(BINARY_MAGIC) {
-        return Some("binary G-code is passed through for now".to_owned());
+fn report(figures: &Figures, tally: pass::Tally) -> Report {
+    let mut report = Report::default();
+    report.put(figures);
+    report.sections = tally.sections;
+    report.sections_changed = tally.changed;
+    if tally.changed == 0 {
+        report.unchanged("no order is better than the slicer's own");
     }
+    report
+}
+
+fn not_for_us(beginning: &[u8]) -> Option<String> {
     if beginning.is_empty() {
         return Some("the file is empty".to_owned());
     }
@@ -149,19 +177,23 @@ fn read_at(input: &mut (impl Read + Seek), at: u64, count: u64) -> std::io::Resu
 
 fn file_habits(
     input: &mut (impl Read + Seek),
+    container: Container,
     beginning: &[u8],
     dialect: Dialect,
 ) -> std::io::Result<FileHabits> {
     let mut habits = FileHabits::default();
     habits.read_settings(beginning);
-    let length = input.seek(SeekFrom::End(0))?;
-    let end = read_at(input, length.saturating_sub(END_BYTES), END_BYTES)?;
-    // The first piece may be half a line.
-    let whole = memchr::memchr(b'\n', &end).map_or(end.len(), |at| at + 1);
-    habits.read_settings(&end[whole.min(end.len())..]);
+    // Binary G-code has its settings before the G-code.
+    if let Container::Text = container {
+        let length = input.seek(SeekFrom::End(0))?;
+        let end = read_at(input, length.saturating_sub(END_BYTES), END_BYTES)?;
+        // The first piece may be half a line.
+        let whole = memchr::memchr(b'\n', &end).map_or(end.len(), |at| at + 1);
+        habits.read_settings(&end[whole.min(end.len())..]);
+    }
     if !habits.is_known() {
         input.seek(SeekFrom::Start(0))?;
-        habits.learn(BufReader::with_capacity(BUFFER_BYTES, input), dialect)?;
+        habits.learn(gcode(input), dialect)?;
     }
     Ok(habits)
 }
@@ -174,7 +206,7 @@ fn measured_only(
 ) -> Result<Report, Failure> {
     let mut report = Report::default();
     input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
-    let mut reader = BufReader::with_capacity(BUFFER_BYTES, input);
+    let mut reader = gcode(input);
     let mut verifier = Verifier::new(None, options.accelerations);
     let mut bytes = Vec::new();
     loop {
@@ -209,18 +241,17 @@ struct Pair {
 }
 
 fn run(
-    input: &mut (impl Read + Send),
-    output: &mut (impl Write + Send),
+    input: impl Read + Send,
+    output: Output<impl Write>,
     dialect: Dialect,
     habits: &FileHabits,
     options: Options,
-    progress: &(dyn Fn(u64) + Sync),
 ) -> Result<(Figures, pass::Tally), Unchanged> {
     let mut passes = passes::all(options.wishes, habits);
     let (layers_in, layers) = batches::<Layer>();
     let (pairs_in, pairs) = batches::<Pair>();
     std::thread::scope(|scope| {
-        let reading = scope.spawn(move || read(input, dialect, layers_in, progress));
+        let reading = scope.spawn(move || read(input, dialect, layers_in));
         let verifying = scope.spawn(move || verify(&pairs, dialect, options.accelerations));
         let written = rewrite_all(&layers, &mut passes, output, pairs_in);
         drop(layers);
@@ -237,17 +268,9 @@ fn run(
     })
 }
 
-fn read(
-    input: impl Read,
-    dialect: Dialect,
-    mut layers: Batches<Layer>,
-    progress: &(dyn Fn(u64) + Sync),
-) -> Result<(), Unfit> {
-    let mut reader = Layers::new(BufReader::with_capacity(BUFFER_BYTES, input), dialect);
-    let mut bytes = 0;
+fn read(input: impl Read, dialect: Dialect, mut layers: Batches<Layer>) -> Result<(), Unfit> {
+    let mut reader = Layers::new(gcode(input), dialect);
     while let Some(layer) = reader.next_layer()? {
-        bytes += layer.input().len() as u64;
-        progress(bytes);
         let size = layer.input().len();
         if layers.put(layer, size).is_err() {
             // The rewriting stopped; it tells why.
@@ -263,10 +286,9 @@ fn read(
 fn rewrite_all(
     layers: &Receiver<Vec<Layer>>,
     passes: &mut [Box<dyn pass::Pass>],
-    output: &mut impl Write,
+    mut output: Output<impl Write>,
     mut pairs: Batches<Pair>,
 ) -> std::io::Result<()> {
-    let mut output = std::io::BufWriter::with_capacity(BUFFER_BYTES, output);
     let mut below = None;
     let mut layers = layers.iter().flatten();
     let mut next = layers.next();
@@ -280,12 +302,12 @@ fn rewrite_all(
             pass.layer(&mut layer, neighbours);
         }
         let changed = layer.rows.len() != rows || layer.text.len() != text;
-        let written = changed.then(|| {
+        let made = changed.then(|| {
             let mut bytes = Vec::with_capacity(layer.input().len());
             layer.write(&mut bytes);
             bytes
         });
-        output.write_all(written.as_deref().unwrap_or(layer.input()))?;
+        let written = output.put(made, layer.input())?;
         let number = layer.number;
         below = layer.cover.take();
         let size = layer.input.end as usize - layer.input.start as usize;
@@ -297,7 +319,7 @@ fn rewrite_all(
     }
     // As above.
     let _ = pairs.finish();
-    output.flush()
+    output.finish()
 }
 
 fn verify(

@@ -1,13 +1,13 @@
 //! A G-code file as a source of lines: checked whole before the first is sent.
 //!
-//! Takes anything that can be read, gives commands with their line numbers, in
-//! bounded memory whatever the file holds. [`check`] goes through all of it as
+//! Takes anything that can be read, text or binary G-code, gives commands with
+//! their line numbers, in bounded memory whatever the file holds. [`check`] goes through all of it as
 //! [`Reader`] later will, so that a line which cannot be sent is found before the
 //! heaters are on. Does not know printers' answers or terminals.
 use super::drive::{JobLine, Source, SourceError};
-use outrigger_gcode::BINARY_MAGIC;
+use outrigger_gcode::bgcode::{Text, text};
 use outrigger_gcode::checksum::{fit, sendable};
-use std::io::Read;
+use std::io::{BufReader, Read};
 use thiserror::Error;
 
 /// Longest command kept. Klipper takes commands without limit, and its object
@@ -79,12 +79,7 @@ fn after(line: u64) -> String {
 }
 
 /// What the beginning of a file says it is.
-const MAGICS: [(&[u8], &str, &str); 5] = [
-    (
-        BINARY_MAGIC,
-        "binary G-code (bgcode)",
-        "switch it off in the slicer's printer settings, or convert the file first",
-    ),
+const MAGICS: [(&[u8], &str, &str); 4] = [
     (b"\x1f\x8b", "a gzip file", "unpack it first (gunzip)"),
     (b"PK\x03\x04", "a zip file (3MF, SL1 or an archive)", "slice it or unpack it first"),
     (b"\x7fELF", "a program", "name the sliced file"),
@@ -209,7 +204,7 @@ impl<R, F> Reader<R, F> {
 /// Lines of a file, without their ends, in bounded memory.
 #[derive(Debug)]
 struct Lines<R> {
-    file: R,
+    file: Text<BufReader<R>>,
     chunk: Vec<u8>,
     at: usize,
     end: usize,
@@ -221,7 +216,7 @@ struct Lines<R> {
 impl<R: Read> Lines<R> {
     fn new(file: R) -> Self {
         Self {
-            file,
+            file: text(BufReader::with_capacity(CHUNK_BYTES, file)),
             chunk: vec![0; CHUNK_BYTES],
             at: 0,
             end: 0,
@@ -351,7 +346,7 @@ mod tests {
             let error = check(bytes, Some(95), |_, _| {}).unwrap_err().to_string();
             assert!(error.contains(expect), "{error}");
         };
-        check_file(b"GCDE\x01\0\0\0", "bgcode");
+        check_file(b"GCDE\x01\0\0\0", "cannot read it: binary G-code, block 0");
         check_file(b"\x1f\x8b\x08", "gzip");
         check_file(b"PK\x03\x04", "zip");
         check_file(b"", "no command");

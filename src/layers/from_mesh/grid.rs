@@ -1,7 +1,6 @@
 //! A mesh on the integer grid, each vertex with the planes that it is above of.
 //!
-//! Takes a [`Mesh`], gives corners in grid steps and the triangles in the order in
-//! which the planes reach them. After this, whether a vertex is below a plane is a
+//! Takes a [`Mesh`], gives corners in grid steps. After this, whether a vertex is below a plane is a
 //! comparison of small integers: exact, and the same for all triangles around it.
 use super::SliceError;
 use crate::layers::shape::{MAX_COORDINATE, UNITS_PER_MM};
@@ -84,52 +83,8 @@ pub(super) fn check(mesh: &Mesh) -> Result<(), SliceError> {
     }
 }
 
-/// Triangles by the first plane that crosses them.
-#[derive(Debug)]
-pub(super) struct Schedule {
-    /// Triangles that some plane crosses; those that plane `p` crosses first are
-    /// `triangles[begin[p]..begin[p + 1]]`, in the order of the mesh.
-    pub(super) triangles: Vec<u32>,
-    pub(super) begin: Vec<u32>,
-    /// How many triangles each plane crosses.
-    pub(super) crossings: Vec<u32>,
-}
-
 /// The planes that cross a triangle.
 pub(super) fn span(corners: &[Corner], triangle: [u32; 3]) -> std::ops::Range<u32> {
     let [a, b, c] = triangle.map(|v| corners[v as usize].level);
     a.min(b).min(c)..a.max(b).max(c)
-}
-
-impl Schedule {
-    pub(super) fn new(corners: &[Corner], triangles: &[[u32; 3]], planes: usize) -> Schedule {
-        let mut begin = vec![0_u32; planes + 1];
-        let mut ends = vec![0_u32; planes + 1];
-        for &triangle in triangles {
-            let span = span(corners, triangle);
-            if !span.is_empty() {
-                begin[span.start as usize] += 1;
-                ends[span.end as usize] += 1;
-            }
-        }
-        let (mut crossed, mut placed) = (0, 0);
-        let mut crossings = Vec::with_capacity(planes);
-        for (count, end) in begin.iter_mut().zip(&ends) {
-            crossed = crossed + *count - end;
-            crossings.push(crossed);
-            placed += std::mem::replace(count, placed);
-        }
-        crossings.truncate(planes);
-        let mut order = vec![0_u32; placed as usize];
-        let mut next = begin.clone();
-        for (t, &triangle) in (0_u32..).zip(triangles) {
-            let span = span(corners, triangle);
-            if !span.is_empty() {
-                let place = &mut next[span.start as usize];
-                order[*place as usize] = t;
-                *place += 1;
-            }
-        }
-        Schedule { triangles: order, begin, crossings }
-    }
 }

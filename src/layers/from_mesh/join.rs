@@ -14,10 +14,15 @@ const MAX_GAP: i64 = 20_000;
 /// [`MAX_GAP`] are no surface but a heap of loose triangles, for which time is bounded.
 const MAX_CANDIDATES: usize = 64;
 
+/// Widest gap that is none, grid steps: ends that rounding has parted.
+const NO_GAP: f64 = 1.5;
+
 /// Rings made of chains.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Joined {
     pub(super) rings: Vec<Ring>,
+    /// Rings with a gap in them: one of more than [`NO_GAP`].
+    pub(super) open: usize,
     /// Widest gap that a straight line closed, grid steps.
     pub(super) widest: f64,
 }
@@ -30,7 +35,12 @@ fn squared(a: Point, b: Point) -> i64 {
     dx * dx + dy * dy
 }
 
-/// Joins chains, none of which is empty. Gives the same for the same chains in the same order.
+/// How far it is, grid steps; nothing where there is no point.
+fn gap(from: Option<&Point>, to: Option<&Point>) -> f64 {
+    from.zip(to).map_or(0.0, |(&from, &to)| (squared(from, to) as f64).sqrt())
+}
+
+/// Joins chains. Gives the same for the same chains in the same order.
 pub(super) fn join(chains: &[Ring]) -> Joined {
     let mut next: Vec<Option<u32>> = vec![None; chains.len()];
     let mut taken = vec![false; chains.len()];
@@ -46,18 +56,19 @@ pub(super) fn join(chains: &[Ring]) -> Joined {
     let rows = (0..chains.len()).filter(|&c| !taken[c]);
     for start in rows.chain((0..chains.len()).filter(|&c| taken[c])) {
         let mut ring = Ring::new();
+        let mut widest = 0.0_f64;
         let mut at = Some(start as u32);
         while let Some(chain) = at.filter(|&c| !used[c as usize]) {
             used[chain as usize] = true;
             let points = &chains[chain as usize];
-            if let (Some(&from), Some(&to)) = (ring.last(), points.first()) {
-                joined.widest = joined.widest.max((squared(from, to) as f64).sqrt());
-            }
+            widest = widest.max(gap(ring.last(), points.first()));
             ring.extend_from_slice(points);
             at = next[chain as usize];
         }
-        if let (Some(&from), Some(&to)) = (ring.last(), ring.first()) {
-            joined.widest = joined.widest.max((squared(from, to) as f64).sqrt());
+        if !ring.is_empty() {
+            widest = widest.max(gap(ring.last(), ring.first()));
+            joined.open += usize::from(widest > NO_GAP);
+            joined.widest = joined.widest.max(widest);
             joined.rings.push(ring);
         }
     }
@@ -98,28 +109,33 @@ mod tests {
 
     #[test]
     fn ends_find_the_nearest_beginnings() {
-        let check = |chains: &[&[[i32; 2]]], rings: &[&[[i32; 2]]], widest: f64| {
+        let check = |chains: &[&[[i32; 2]]], rings: &[&[[i32; 2]]], open: usize, widest: f64| {
             let chains: Vec<Ring> = chains.iter().map(|c| chain(c)).collect();
             let rings: Vec<Ring> = rings.iter().map(|r| chain(r)).collect();
-            assert_eq!(join(&chains), Joined { rings, widest });
+            assert_eq!(join(&chains), Joined { rings, open, widest });
         };
-        check(&[], &[], 0.0);
+        check(&[], &[], 0, 0.0);
         // One with a gap is closed straight, however wide the gap.
         check(
             &[&[[0, 0], [90_000, 0], [90_000, 40_000]]],
             &[&[[0, 0], [90_000, 0], [90_000, 40_000]]],
+            1,
             9_700_000_000_f64.sqrt(),
         );
         // Two halves of a square, the second given first.
         check(
             &[&[[100, 103], [0, 100], [0, 4]], &[[0, 0], [100, 0], [100, 100]]],
             &[&[[100, 103], [0, 100], [0, 4], [0, 0], [100, 0], [100, 100]]],
+            1,
             4.0,
         );
+        // Ends that rounding parted are no gap.
+        check(&[&[[0, 0], [9, 0], [9, 9], [1, 1]]], &[&[[0, 0], [9, 0], [9, 9], [1, 1]]], 0, 2_f64.sqrt());
         // A third too far away stays by itself; direction counts, so that ends do not join ends.
         check(
             &[&[[0, 0], [9, 0]], &[[50_000, 0], [50_001, 5]], &[[9, 1], [0, 1]]],
             &[&[[0, 0], [9, 0], [9, 1], [0, 1]], &[[50_000, 0], [50_001, 5]]],
+            1,
             26_f64.sqrt(),
         );
     }

@@ -8,7 +8,8 @@
 //!
 //! # Layout
 //! - [`heights`]: layer heights and the planes
-//! - [`grid`]: the mesh on the grid, its triangles in the order of the planes
+//! - [`grid`]: the mesh on the grid
+//! - [`sweep`]: which triangles each plane crosses, batch by batch
 //! - [`walk`]: the contours of one plane
 //! - [`join`]: open contours closed
 //! - [`tidy`]: points that say nothing taken out
@@ -17,25 +18,20 @@ use super::polygon::{self, Inside};
 use super::shape::{Region, UNITS_PER_MM};
 use super::stack::{Layer, Layers};
 use crate::mesh::Mesh;
-use grid::{Corner, Schedule};
+use grid::Corner;
 pub use heights::{LayerHeights, MAX_LAYER_MM, MAX_LAYERS, MIN_LAYER_MM};
 use rayon::prelude::*;
 use std::convert::Infallible;
 use std::sync::Mutex;
+use sweep::{Crossed, Sweep};
 use walk::{Plane, Surface, Visited};
 
 mod grid;
 mod heights;
 mod join;
+mod sweep;
 mod tidy;
 mod walk;
-
-/// Most layers in a batch: few enough that a progress bar moves.
-const BATCH_LAYERS: usize = 256;
-
-/// Triangles crossed in a batch beyond which no layer is added: what bounds memory
-/// (some 40 bytes each). A single layer may have more.
-const BATCH_CROSSINGS: u64 = 1 << 20;
 
 /// Why a mesh cannot be sliced.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -123,11 +119,9 @@ pub struct FromMesh<'a> {
     heights: LayerHeights,
     corners: Vec<Corner>,
     planes: Vec<i32>,
-    schedule: Schedule,
-    /// Triangles that planes before the next one cross, and the next one too, perhaps.
-    active: Vec<u32>,
-    /// The next layer.
-    next: usize,
+    sweep: Sweep,
+    /// What the next batch crosses, where that was found while the last one was cut.
+    ready: Option<Crossed>,
     sliced: Sliced,
     scratch: Mutex<Vec<Scratch>>,
 }
@@ -169,63 +163,29 @@ impl<'a> FromMesh<'a> {
         }
         let planes = heights::planes(heights, top)?;
         grid::set_levels(&mut corners, &planes);
-        let schedule = Schedule::new(&corners, &mesh.triangles, planes.len());
+        let sweep = Sweep::new(&corners, &mesh.triangles, planes.len());
         Ok(FromMesh {
             mesh,
             heights,
             corners,
             planes,
-            schedule,
-            active: Vec::new(),
-            next: 0,
+            sweep,
+            ready: None,
             sliced: Sliced::default(),
             scratch: Mutex::default(),
         })
+    }
+
+    /// How many triangles all planes cross in all: what the time of slicing goes with.
+    #[must_use]
+    pub fn crossings(&self) -> u64 {
+        self.sweep.crossings()
     }
 
     /// What was met in the layers given so far.
     #[must_use]
     pub fn sliced(&self) -> Sliced {
         self.sliced
-    }
-
-    /// One past the last layer of the batch that begins at the next layer.
-    fn batch_end(&self) -> usize {
-        let mut crossings = 0;
-        let fits = |count: &&u32| {
-            crossings += u64::from(**count);
-            crossings <= BATCH_CROSSINGS
-        };
-        let rest = &self.schedule.crossings[self.next..];
-        self.next + rest.iter().take(BATCH_LAYERS).take_while(fits).count().max(1)
-    }
-
-    /// For each plane of a batch the triangles that it crosses, one after the other,
-    /// and where those of each begin.
-    fn crossed(&mut self, batch: std::ops::Range<usize>) -> (Vec<u32>, Vec<usize>) {
-        let counts = &self.schedule.crossings[batch.clone()];
-        let mut begin = Vec::with_capacity(counts.len() + 1);
-        let mut total = 0;
-        begin.push(0);
-        for &count in counts {
-            total += count as usize;
-            begin.push(total);
-        }
-        let mut place = begin.clone();
-        let mut crossed = vec![0_u32; total];
-        let started = self.schedule.begin[batch.start] as usize..self.schedule.begin[batch.end] as usize;
-        self.active.extend_from_slice(&self.schedule.triangles[started]);
-        let (corners, triangles) = (&self.corners, &self.mesh.triangles);
-        self.active.retain(|&t| {
-            let span = grid::span(corners, triangles[t as usize]);
-            for p in (span.start as usize).max(batch.start)..(span.end as usize).min(batch.end) {
-                let place = &mut place[p - batch.start];
-                crossed[*place] = t;
-                *place += 1;
-            }
-            span.end as usize > batch.end
-        });
-        (crossed, begin)
     }
 
     fn cut(&self, number: usize, crossed: &[u32]) -> Cut {
@@ -249,7 +209,7 @@ impl<'a> FromMesh<'a> {
             pool.push(scratch);
         }
         let layer = Layer { part, ..self.heights.empty_layer(plane.number) };
-        Cut { layer, open: joined.rings.len(), widest: joined.widest, crossing }
+        Cut { layer, open: joined.open, widest: joined.widest, crossing }
     }
 
     fn note(&mut self, cut: Cut) -> Layer {
@@ -272,14 +232,19 @@ impl Layers for FromMesh<'_> {
     }
 
     fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, Infallible> {
-        if self.next == self.planes.len() {
-            return Ok(None);
-        }
-        let batch = self.next..self.batch_end();
-        let (crossed, begin) = self.crossed(batch.clone());
-        let cut = |n: usize| self.cut(n, &crossed[begin[n - batch.start]..begin[n - batch.start + 1]]);
-        let cuts: Vec<Cut> = batch.clone().into_par_iter().map(cut).collect();
-        self.next = batch.end;
+        let mut sweep = std::mem::take(&mut self.sweep);
+        let crossed = self.ready.take().or_else(|| sweep.next(&self.corners, &self.mesh.triangles));
+        let Some(crossed) = crossed else { return Ok(None) };
+        let cut = |n: usize| self.cut(n, crossed.by_plane(n));
+        // Finding the next batch's triangles is no work to share, but it need not be waited for.
+        let (cuts, ready) = rayon::join(
+            || crossed.planes.clone().into_par_iter().map(cut).collect::<Vec<Cut>>(),
+            || sweep.next(&self.corners, &self.mesh.triangles),
+        );
+        (self.sweep, self.ready) = (sweep, ready);
         Ok(Some(cuts.into_iter().map(|cut| self.note(cut)).collect()))
     }
 }
+
+#[cfg(test)]
+mod tests;
