@@ -136,6 +136,7 @@ fn mesh(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
         mended: Some(serde_json::to_value(read.mended)?),
         ..Report::default()
     };
+    report.warnings = read.warnings();
     report.warnings.extend(doubt.map(|doubt| doubt.to_string()));
     report.seconds.read = started.elapsed().as_secs_f64();
     let layer_mm = args.model.layer_height.unwrap_or(LAYER_MM);
@@ -145,15 +146,15 @@ fn mesh(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     report.seconds.slice = prepared.elapsed().as_secs_f64();
     let (mut report, survey) = examine(args, &mut layers, &ask(args, rules), report)?;
     report.warnings.extend(slicing_words(layers.sliced()));
-    Ok(Checked { report, mended_words: String::new(), survey })
+    let mended_words = if read.mended.done().is_empty() { String::new() } else { read.mended.to_string() };
+    Ok(Checked { report, mended_words, survey })
 }
 
 /// What slicing met that the user should know.
 fn slicing_words(sliced: Sliced) -> Option<String> {
     (sliced.open_layers > 0).then(|| {
         format!(
-            "the mesh has holes: {} layers, from layer {} on, have contours that were open; they were closed \
-             over gaps of up to {:.2} mm, so what is found there may be wrong",
+            "contours were open in {} layers, from layer {} on: they were closed by straight lines of up to {:.2} mm",
             sliced.open_layers,
             sliced.first_open_layer.unwrap_or_default(),
             sliced.widest_gap_mm
