@@ -6,10 +6,14 @@
 gcode_line: from each file of gcode/corpus, one line of every shape (a shape is
 the line with its digits taken out), five lines a seed, and the cases below,
 which no slicer of the corpus writes. reply: replies.txt, a reply a seed, and
-all of it at once. Standard library only.
+all of it at once. bgcode: the binary files of gcode/corpus, as blocks by
+themselves, with each compression and encoding, and text to be packed. Standard
+library only.
 """
 import re
 import shutil
+import struct
+import zlib
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -51,6 +55,19 @@ def reply():
     return whole.splitlines(keepends=True) + [whole, whole.replace(b'\n', b'\r\n')]
 
 
+def bgcode():
+    packed = b'\xff\xff\xfb\xff\xff\xf7\x1d\xae\xf5Y\xb2\xc0\x8fM\xc4\xff\xff\xfa;TYPE:A\n\xff\xff\xfb\x1d\xcc\xff\xff\xf9'
+    gcode = lambda compression, data, size, encoding: struct.pack(
+        '<HHI', 1, compression, size) + (struct.pack('<I', len(data)) if compression else b'') + bytes([encoding, 0]) + data
+    blocks = [gcode(0, packed, len(packed), 2), gcode(0, b'G1 X1 ; a\n', 10, 0), gcode(1, zlib.compress(packed), len(packed), 1),
+              gcode(2, b'\xa3\x80\x01\x80', 5, 0), gcode(3, b'\xa3\x80\x00\xc0', 5, 0),
+              struct.pack('<HHI', 0, 0, 11) + b'\0\0Producer=A\n', struct.pack('<HHI', 5, 0, 4) + b'\0\0\x10\0\x10\0\x89PNG']
+    files = [path.read_bytes() for path in sorted((HERE / '../gcode/corpus').glob('*.bgcode'))]
+    text = b'G1 X1.5 Y2 E.5 F300 ; a\n;TYPE:Perimeter\n\nM104 S200\nGET_POSITION\n'
+    return blocks + [b''.join(blocks)] + [file[:4096] for file in files] + [bytes([how]) + text for how in range(32)]
+
+
 if __name__ == '__main__':
     write(HERE / 'target/seeds/gcode_line', gcode_line())
     write(HERE / 'target/seeds/reply', reply())
+    write(HERE / 'target/seeds/bgcode', bgcode())
