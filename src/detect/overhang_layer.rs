@@ -15,14 +15,14 @@
 //!   below it) meets it, since a shortest way leaves the layer below for the last time
 //!   there and stays in the piece. Each residual piece is decided by itself.
 //!
-//! A residual piece is *proved* thin first ([`proof`]), which spares the offset. What
-//! is left after the offset may be bridged ([`bridge`]).
+//! Most of a residual piece is *proved* held first ([`strip`]), which spares the offset;
+//! what is left after the offset of the rest may be bridged ([`bridge`]).
 //!
 //! Islands in the layer where they appear overhang whole; their pieces say so.
 mod bridge;
 mod gap;
 mod held;
-mod proof;
+mod strip;
 
 use super::links::{Links, polygons};
 use super::overhang::{Growth, Piece, SelfSupport};
@@ -110,20 +110,21 @@ fn conditional(below: &Layer, layer: &Layer, links: &Links, rules: &SelfSupport,
 /// What of a residual piece neither reach nor bridge holds.
 fn left_of(piece: &Residual, borders: &held::Borders, rules: &SelfSupport, reach: f64) -> Vec<Polygon> {
     let reach_units = reach * UNITS_PER_MM;
-    if proof::is_thin(piece, reach_units) {
-        return Vec::new();
-    }
-    let sectors = piece.sectors(reach_units);
-    let left = if gap::may_jump(piece, reach_units) {
-        gap::spread(piece, borders, reach)
-    } else {
-        without(&piece.polygon.rings, &sectors)
+    let left = match strip::runs(piece, reach_units) {
+        Some(runs) => runs.iter().flat_map(|run| left_of_run(piece, run, reach_units)).collect(),
+        None if gap::may_jump(piece, reach_units) => gap::spread(piece, borders, reach),
+        None => without(&piece.polygon.rings, &piece.sectors(reach_units)),
     };
     let left: Vec<Polygon> = left.polygons.into_iter().filter(|p| !is_dust(p)).collect();
     if left.is_empty() || rules.bridge_mm <= 0.0 {
         return left;
     }
     bridge::unbridged(piece, left, rules.bridge_mm * UNITS_PER_MM)
+}
+
+fn left_of_run(piece: &Residual, run: &strip::Run, reach: f64) -> Vec<Polygon> {
+    let sectors = piece.sectors_of(run.of, run.from, run.edges, reach);
+    without([&run.ring], &sectors).polygons
 }
 
 /// Whether a polygon is so thin that it comes from rounding: its mean width is twice its

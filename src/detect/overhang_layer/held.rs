@@ -101,32 +101,39 @@ impl Index {
 }
 
 impl Residual {
-    /// For each held edge the rectangle over it that it holds, and at each vertex of one
-    /// the part of a circle between: within `reach` grid steps of the held edges as far
-    /// as the piece is on that side. All counter-clockwise; they overlap.
+    /// What the held edges hold; see [`Residual::sectors_of`].
     pub(super) fn sectors(&self, reach: f64) -> Vec<Ring> {
+        let rings = self.polygon.rings.iter().enumerate();
+        rings.flat_map(|(of, ring)| self.sectors_of(of, 0, ring.len(), reach)).collect()
+    }
+
+    /// For each held edge of some edges of a ring the rectangle over it that it holds, and
+    /// at each vertex of one the part of a circle between: within `reach` grid steps of
+    /// the held edges as far as the piece is on that side. All are counter-clockwise and
+    /// they overlap.
+    pub(super) fn sectors_of(&self, of: usize, from: usize, edges: usize, reach: f64) -> Vec<Ring> {
+        let (ring, held) = (&self.polygon.rings[of], &self.held[of]);
+        let n = ring.len();
+        let way = |k: usize| unit(minus(at(ring[(k + 1) % n]), at(ring[k])));
         let mut sectors = Vec::new();
-        for (ring, held) in self.polygon.rings.iter().zip(&self.held) {
-            let n = ring.len();
-            let way: Vec<V> = (0..n).map(|k| unit(minus(at(ring[(k + 1) % n]), at(ring[k])))).collect();
-            for k in 0..n {
-                let before = (k + n - 1) % n;
-                let (a, b) = (ring[k], ring[(k + 1) % n]);
-                if held[k] {
-                    let up = left(way[k]);
-                    let far = |p: Point| point(at(p), up, reach);
-                    sectors.push(vec![a, b, far(b), far(a)]);
-                }
-                if held[k] || held[before] {
-                    let from = if held[k] { left(way[k]) } else { way[k] };
-                    let back = [-way[before][0], -way[before][1]];
-                    let to = if held[before] { left(way[before]) } else { back };
-                    // The whole angle of the piece here, without what the rectangles cover.
-                    let covered = f64::from(u8::from(held[k]) + u8::from(held[before])) * FRAC_PI_2;
-                    let angle = turn(way[k], back) - covered;
-                    sectors.extend(slice(a, from, to, angle, reach));
-                }
+        let mut in_way = way((from + n - 1) % n);
+        for k in (from..=from + edges).map(|k| k % n) {
+            let before = (k + n - 1) % n;
+            let (a, b, out_way) = (ring[k], ring[(k + 1) % n], way(k));
+            if held[k] {
+                let far = |p: Point| point(at(p), left(out_way), reach);
+                sectors.push(vec![a, b, far(b), far(a)]);
             }
+            if held[k] || held[before] {
+                let back = [-in_way[0], -in_way[1]];
+                let start = if held[k] { left(out_way) } else { out_way };
+                let end = if held[before] { left(in_way) } else { back };
+                // The whole angle of the piece here, without what the rectangles cover.
+                let covered = f64::from(u8::from(held[k]) + u8::from(held[before])) * FRAC_PI_2;
+                let angle = turn(out_way, back) - covered;
+                sectors.extend(slice(a, start, end, angle, reach));
+            }
+            in_way = out_way;
         }
         sectors
     }
