@@ -3,21 +3,23 @@
 //! Layers end where the part is printed: at each height of a flat bead of it. A
 //! sheet fills all layers between its bottom and its top, so objects with layers
 //! of different thickness, or printed one after another, stand in one stack. Supports
-//! fill the layers that they lie in, and what is left between them and the
-//! part so that it can be taken off (they still bear it); only where no part is
+//! fill the layers that they lie in, and what is left between them and the part
+//! so that it can be taken off (they still bear it: Cura's trees end two layers below
+//! it); only where no part is
 //! do they make layers of their own. Skirts and prime lines never do beside the part.
 //!
 //! A bead's bottom is its top less the thickness that the file gives, and lies on
 //! the nearest layer's end; where the file gives none, the next lower height of
 //! the same pass. A height that leaves more room below it than 1.6 times its
 //! neighbours do hangs in the air by the rest. What rises along the way (a spiral
-//! vase) is taken as layers of constant thickness: each turn is one layer.
+//! vase) is cut into layers of constant thickness, of a turn each; a bead fills those
+//! whose middles lie within it.
 use super::trace::{Class, Path, Sheet, Trace, grid};
 use super::{GcodeError, MAX_LAYER_POINTS, MAX_LAYERS};
 use crate::layers::shape::UNITS_PER_MM;
 
 /// Heights that differ by less are one, grid steps: a quarter of the thinnest layer.
-const NEAR: i32 = 250;
+pub(super) const NEAR: i32 = 250;
 
 /// A layer twice as thick as its neighbours would be is none; the limit between.
 const GAP_RATIO: f64 = 1.6;
@@ -28,13 +30,14 @@ const MAX_LONE: i32 = 15_000;
 /// The thickness of what nothing tells of, grid steps.
 const USUAL: i32 = 2_000;
 
-/// Supports bear the part across a gap of this, mm, and a little more than the file says.
+/// Supports bear the part across a gap of this, mm, a little more than the file says,
+/// and two layers and a quarter.
 const CONTACT_MM: f64 = 0.3;
 const CONTACT_MORE_MM: f64 = 0.1;
 
 /// A later object begins on the plate when its lowest bead lies within this of the
 /// first one's, grid steps.
-const FIRST_LAYERS: i32 = 3_000;
+pub(super) const FIRST_LAYERS: i32 = 3_000;
 
 /// The layers of a job and what lies in each.
 #[derive(Debug, Default)]
@@ -85,7 +88,7 @@ impl Stack {
 pub(super) fn stack(trace: &Trace) -> Result<Stack, GcodeError> {
     let passes = Pass::all(trace);
     let spiral = passes.iter().any(|pass| pass.spiral);
-    let ground = passes.first().map_or(0, |pass| pass.ground);
+    let ground = passes.iter().filter(|p| !p.tops.is_empty()).map(|p| p.ground).min().unwrap_or(0);
     let thickness: Vec<i32> =
         trace.sheets.iter().map(|sheet| passes[sheet.key.pass as usize].thickness(sheet)).collect();
     let levels = levels(trace, &passes, &thickness, ground);
@@ -93,19 +96,19 @@ pub(super) fn stack(trace: &Trace) -> Result<Stack, GcodeError> {
         return Err(GcodeError::ManyLayers);
     }
     let reach = trace.contact_mm.map_or(CONTACT_MM, |told| (told + CONTACT_MORE_MM).clamp(CONTACT_MM, 2.0));
-    let ranges: Vec<[usize; 2]> = (trace.sheets.iter().zip(&thickness))
+    let ranges: Vec<Option<[usize; 2]>> = (trace.sheets.iter().zip(&thickness))
         .map(|(sheet, &thick)| layers_of(sheet, thick, &levels, grid(reach)))
         .collect();
     fill(trace, Stack { levels, thickness, spiral, ..Stack::default() }, &ranges)
 }
 
 /// Lists the paths of each layer.
-fn fill(trace: &Trace, mut stack: Stack, ranges: &[[usize; 2]]) -> Result<Stack, GcodeError> {
+fn fill(trace: &Trace, mut stack: Stack, ranges: &[Option<[usize; 2]>]) -> Result<Stack, GcodeError> {
     let layers = stack.levels.len() - 1;
     let (mut counts, mut points) = (vec![0_usize; layers], vec![0_usize; layers]);
-    let range = |path: &Path| {
-        let [first, last] = ranges[path.sheet as usize];
-        first..=last
+    let range = |path: &Path| match ranges[path.sheet as usize] {
+        Some([first, last]) => first..last + 1,
+        None => 0..0,
     };
     for path in &trace.paths {
         for layer in range(path) {
@@ -157,21 +160,17 @@ impl Pass {
         for sheet in trace.sheets.iter() {
             sheets[sheet.key.pass as usize].push(sheet);
         }
-        let mut passes: Vec<Pass> = Vec::with_capacity(count);
-        for (k, own) in sheets.iter().enumerate() {
-            // Lines in front of the first layer of a file that does not name its features.
-            let primed = k == 0 && !trace.features_told;
-            let lowest = passes.first().and_then(|p| Some((p.ground, *p.tops.first()?)));
-            passes.push(Pass::new(own, primed, lowest));
-        }
-        passes
+        // The pass that begins lowest stands on the plate, others beside it or higher.
+        let alone: Vec<Pass> = sheets.iter().map(|own| Pass::new(own, None)).collect();
+        let lowest = alone.iter().filter_map(|p| Some((*p.tops.first()?, p.ground))).min();
+        sheets.iter().map(|own| Pass::new(own, lowest)).collect()
     }
 
-    fn new(sheets: &[&Sheet], primed: bool, lowest: Option<(i32, i32)>) -> Pass {
+    /// `lowest`: the first height of the lowest pass, and where that begins.
+    fn new(sheets: &[&Sheet], lowest: Option<(i32, i32)>) -> Pass {
         let bears = |s: &&&Sheet| s.key.class != Class::Aid;
         let flat = |s: &&&Sheet| !s.key.slope;
         let mut tops = clusters(sheets.iter().filter(bears).filter(flat).map(|s| s.key.top).collect());
-        let prime = primed && tops.len() > 1 && beside(sheets, tops[0], tops[1]);
         let mut rising: Vec<(i32, i32)> = (sheets.iter().filter(bears).filter(|s| s.key.slope))
             .map(|s| (s.key.top, s.key.height))
             .collect();
@@ -183,15 +182,12 @@ impl Pass {
         let told = sheets.iter().filter(bears).find(|s| s.key.top - first < NEAR && s.key.height > 0);
         let own = told.map_or_else(|| lone(&tops), |s| s.key.height);
         let ground = match lowest {
-            Some((ground, top)) if first <= top.saturating_add(FIRST_LAYERS) => ground,
+            Some((top, ground)) if first <= top.saturating_add(FIRST_LAYERS) => ground,
             // A thicker layer than any is nothing to stand on the plate with.
             _ if own >= first - NEAR => first.min(0),
             _ => first - own,
         };
-        let mut thick = thicknesses(&tops, ground);
-        if prime {
-            thick[1] = tops[1] - ground;
-        }
+        let thick = thicknesses(&tops, ground);
         Pass { tops, thick, ground, spiral }
     }
 
@@ -208,18 +204,6 @@ impl Pass {
             None if (1..MAX_LONE).contains(&key.top) => key.top,
             None => USUAL,
         }
-    }
-}
-
-/// Whether what lies at one height lies nowhere below what lies at another.
-fn beside(sheets: &[&Sheet], low: i32, high: i32) -> bool {
-    let bounds = |z: i32| {
-        let at = sheets.iter().filter(|s| s.key.top.abs_diff(z) <= NEAR as u32);
-        at.map(|s| s.bounds).reduce(|a, b| a.joined(b))
-    };
-    match (bounds(low), bounds(high)) {
-        (Some(a), Some(b)) => !a.overlap(b),
-        _ => false,
     }
 }
 
@@ -304,15 +288,21 @@ fn levels(trace: &Trace, passes: &[Pass], thickness: &[i32], ground: i32) -> Vec
     });
     let bottoms: Vec<i32> = bottoms.map(|&[bottom, _]| bottom).collect();
     levels = clusters([levels, bottoms].concat());
+    // Supports where no part is; skirts only where nothing else is.
     let solid = merged(solid);
-    let aids = sheets().filter(|(s, _)| !part(s.key.class)).map(|(s, _)| s.key.top);
-    let aids = aids.filter(|&z| {
+    let alone = |z: i32| {
         let k = solid.partition_point(|&[_, top]| top < z - NEAR);
-        let inside = solid.get(k).is_some_and(|&[bottom, _]| bottom + NEAR < z);
-        !inside && nearest(&levels, z).is_none_or(|at| at.abs_diff(z) > NEAR as u32)
-    });
-    let aids: Vec<i32> = aids.collect();
-    levels = clusters([levels, aids].concat());
+        !solid.get(k).is_some_and(|&[bottom, _]| bottom + NEAR < z)
+    };
+    for class in [Class::Support, Class::Aid] {
+        let own = sheets().filter(|(s, _)| s.key.class == class).map(|(s, _)| s.key.top);
+        let own: Vec<i32> = own
+            .filter(|&z| alone(z) && nearest(&levels, z).is_none_or(|at| at.abs_diff(z) > NEAR as u32))
+            .collect();
+        if class == Class::Support || levels.is_empty() {
+            levels = clusters([levels, own].concat());
+        }
+    }
     levels.retain(|&z| z > ground.saturating_add(NEAR));
     if levels.is_empty() {
         levels.push(ground.saturating_add(USUAL));
@@ -346,28 +336,32 @@ fn merged(mut intervals: Vec<[i32; 2]>) -> Vec<[i32; 2]> {
     out
 }
 
-/// First and last layer that a sheet fills.
-fn layers_of(sheet: &Sheet, thick: i32, levels: &[i32], reach: i32) -> [usize; 2] {
+/// First and last layer that a sheet fills; `None` for skirts above or below them all.
+fn layers_of(sheet: &Sheet, thick: i32, levels: &[i32], reach: i32) -> Option<[usize; 2]> {
     let last = levels.len() - 2;
     let key = sheet.key;
     // The layer that a height lies in, its upper end included.
     let holding = |z: i32| levels.partition_point(|&level| level < z).saturating_sub(1).min(last);
-    if key.slope && key.class != Class::Support && key.class != Class::Aid {
-        let layer = holding(key.top - NEAR);
-        return [layer, layer];
-    }
     let bottom = key.top.saturating_sub(thick);
-    if matches!(key.class, Class::Part | Class::Infill) {
+    if matches!(key.class, Class::Part | Class::Infill) && !key.slope {
         let index = |z: i32| nearest(levels, z).map_or(0, |at| levels.partition_point(|&l| l < at));
         let top = index(key.top).clamp(1, last + 1);
-        return [index(bottom).min(top - 1), top - 1];
+        return Some([index(bottom).min(top - 1), top - 1]);
     }
-    let reach = if key.class == Class::Support { reach } else { 0 };
+    if key.class == Class::Aid && (bottom >= levels[last + 1] || key.top <= levels[0] - NEAR) {
+        return None;
+    }
+    let reach = match key.class {
+        Class::Support => reach.max(thick.saturating_mul(9) / 4),
+        _ => 0,
+    };
     // Layers whose middles lie within, and the one that the bead's own middle lies in.
     let middle = |k: usize| i32::midpoint(levels[k], levels[k + 1]);
     let own = holding(i32::midpoint(bottom, key.top));
     let low = (holding(bottom)..=own).find(|&k| middle(k) > bottom).unwrap_or(own);
     let top = key.top.saturating_add(reach);
-    let high = (own..=holding(top)).rev().find(|&k| middle(k) < top).unwrap_or(own);
-    [low.min(own), high.max(own)]
+    // What rises lies in the turn that it belongs to, however little of it.
+    let reaches = |k: usize| key.slope || middle(k) < top;
+    let high = (own..=holding(top)).rev().find(|&k| reaches(k)).unwrap_or(own);
+    Some([low.min(own), high.max(own)])
 }
