@@ -166,6 +166,13 @@ impl Tops {
         self.0.get(layer as usize).or(self.0.last()).copied().unwrap_or_default()
     }
 
+    /// The layer that holds a height, mm.
+    #[must_use]
+    pub fn layer_at(&self, z_mm: f64) -> u32 {
+        let above = self.0.partition_point(|&top| top <= z_mm);
+        above.min(self.0.len().saturating_sub(1)) as u32
+    }
+
     /// What the detector found, with the Z at which it is printed.
     #[must_use]
     pub fn island(&self, found: &detect::island::Island) -> Island {
@@ -237,6 +244,14 @@ impl Report {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
         Ok(text)
+    }
+
+    /// Puts in what a detector found. Of several the polygons' is the report's own.
+    pub fn put_overhangs(&mut self, found: Overhangs) {
+        if self.overhangs.is_none() || found.method == name(Method::Layer) {
+            self.overhangs = Some(found.clone());
+        }
+        self.overhangs_by_method.insert(found.method, found);
     }
 
     /// The file's name without its folder.

@@ -39,6 +39,11 @@ class LayerView {
     this.draw();
   }
 
+  /** Height in CSS pixels that buttons cover below: on narrow screens all of the width. */
+  get covered() {
+    return this.canvas.clientWidth < 560 ? 52 : 0;
+  }
+
   /** Size in CSS pixels. */
   get size() {
     return [this.canvas.clientWidth, this.canvas.clientHeight];
@@ -192,13 +197,13 @@ class LayerView {
       const [x] = this.toPx([k * step, 0]);
       pen.strokeStyle = strong(k);
       line([x, 0], [x, height]);
-      if (x > 120 && x < width - 20) labels.push([mm(k * step, digits), x, height - 62, 'center']);
+      if (x > (this.covered ? 110 : 30) && x < width - 20) labels.push([mm(k * step, digits), x, height - (this.covered || 50) - 12, 'center']);
     }
     for (let k = Math.ceil(bottom / step); k * step <= top; k++) {
       const [, y] = this.toPx([0, k * step]);
       pen.strokeStyle = strong(k);
       line([0, y], [width, y]);
-      if (y > 56 && y < height - 80) labels.push([mm(k * step, digits), 6, y - 3, 'left']);
+      if (y > 56 && y < height - 80 - this.covered) labels.push([mm(k * step, digits), 6, y - 3, 'left']);
     }
     for (const [words, x, y, align] of labels) {
       pen.textAlign = align;
@@ -208,7 +213,7 @@ class LayerView {
 
   scaleBar(pen, height) {
     const length = roundStep(60 / this.scale);
-    const [x, y] = [14, height - 20];
+    const [x, y] = [14, height - 20 - this.covered];
     const end = x + length * this.scale;
     pen.strokeStyle = colour('ink');
     pen.lineWidth = 1.5;

@@ -13,7 +13,7 @@ pub(super) fn table(report: &Report, mended: &str) -> String {
         rules.material, rules.angle_deg, rules.bridge_mm, rules.min_area_mm2
     ));
     if !mended.is_empty() {
-        lines.push(mended.to_owned());
+        lines.push(capital(mended));
     }
     lines.extend(report.warnings.iter().map(|warning| format!("Warning: {warning}")));
     lines.push(String::new());
