@@ -188,6 +188,8 @@ fn wrong_usage_is_told_before_anything_is_done() {
     check(&["--pixel-mm", "0"], "0.001");
     check(&["--overhang", "guess"], "possible values");
     check(&["--filament-mm", "1.75"], "for G-code");
+    check(&["--json", "./lamp.stl"], "would replace");
+    check(&["--json", "a.html", "--picture", "a.html"], "same file");
     assert_eq!(names(folder.path()), ["lamp.stl"]);
 }
 

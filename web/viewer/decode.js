@@ -119,14 +119,17 @@ function ringBounds(ring) {
 }
 
 /**
- * One pass over all layers: the bounds of everything, and for each layer the
- * stretches of x that are seen from the front, by kind.
+ * One pass over all layers: the bounds of the part (`isAid` tells the kinds that
+ * are none; without a part those of everything), and for each layer the stretches
+ * of x that are seen from the front, by kind.
  */
-function surveyed(layers) {
-  const bounds = [Infinity, Infinity, -Infinity, -Infinity];
+function surveyed(layers, isAid) {
+  const empty = () => [Infinity, Infinity, -Infinity, -Infinity];
+  const [part, aid] = [empty(), empty()];
   const rows = layers.all.map((_, index) =>
     layers.groups(index).map(({ kind, polygons }) => {
       const runs = [];
+      const bounds = isAid(kind) ? aid : part;
       for (const [outer] of polygons) {
         if (!outer || !outer.length) continue;
         const box = ringBounds(outer);
@@ -139,7 +142,8 @@ function surveyed(layers) {
       return { kind, runs: united(runs) };
     }),
   );
-  return { bounds: bounds[0] <= bounds[2] ? bounds : [0, 0, 1, 1], rows };
+  const bounds = [part, aid].find((box) => box[0] <= box[2]) ?? [0, 0, 1, 1];
+  return { bounds, rows };
 }
 
 /** Stretches in order, overlapping ones made one. */

@@ -60,8 +60,9 @@ function findingsList(title, items, total, open, row, onPick) {
 }
 
 function islandRow(island) {
+  const grows = island.max_area_mm2 > 2 * island.area_mm2 ? ` · grows to ${area(island.max_area_mm2)}` : '';
   const end = island.joins ? `joins the part at Z ${mm(island.end_top_mm)}` : 'never joins the part';
-  return ['appears', `Layer ${island.layer} · Z ${mm(island.top_mm)} · ${area(island.area_mm2)}`, `${place(island.centroid_mm)} · ${end}`];
+  return ['appears', `Layer ${island.layer} · Z ${mm(island.top_mm)} · ${area(island.area_mm2)}`, `${place(island.centroid_mm)}${grows} · ${end}`];
 }
 
 function regionRow(region) {

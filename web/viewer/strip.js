@@ -96,7 +96,10 @@ class Strip {
           const height = Math.max(whole(this.y(bottom)) - y, least);
           if (wanted !== 'overhang') {
             for (const [from, to] of runs) {
-              pen.fillRect(middle + (from - centre) * scale, y, Math.max((to - from) * scale, 1), height);
+              // A prime line at the other end of the plate ends where the marks begin.
+              const left = Math.max(middle + (from - centre) * scale, 2);
+              const right = Math.min(middle + (to - centre) * scale, width - lanes - 4);
+              if (right > left - 1) pen.fillRect(left, y, Math.max(right - left, 1), height);
             }
           }
           if (wanted === 'appears') pen.fillRect(width - lanes, y, 10, Math.max(height, 2));

@@ -63,10 +63,11 @@ fn islands(lines: &mut Vec<String>, report: &Report) {
         ));
     }
     if let floating @ 1.. = report.floating_supports.len() as u64 {
-        lines.push(
-            format!("{} that begins in the air:", capital(&count(floating, "piece of support")))
-                .replace("pieces of support that begins", "pieces of support that begin"),
-        );
+        let what = match floating {
+            1 => "1 piece of support, brim or tower begins".to_owned(),
+            n => format!("{n} pieces of support, brim or tower begin"),
+        };
+        lines.push(format!("{what} with nothing right below (slicers leave a gap over the part):"));
         lines.extend(report.floating_supports.iter().take(ROWS_MAX).map(island));
         more(lines, floating);
     }
@@ -85,7 +86,12 @@ fn island(island: &Island) -> String {
     } else {
         "never joins the part".to_owned()
     };
-    format!("{}, {end}", place(island.layer, island.top_mm, island.area_mm2, island.centroid_mm))
+    let grows = if island.max_area_mm2 > 2.0 * island.area_mm2 {
+        format!(", grows to {:.2} mm²", island.max_area_mm2)
+    } else {
+        String::new()
+    };
+    format!("{}{grows}, {end}", place(island.layer, island.top_mm, island.area_mm2, island.centroid_mm))
 }
 
 fn place(layer: u32, top_mm: f64, area_mm2: f64, [x, y]: [f64; 2]) -> String {

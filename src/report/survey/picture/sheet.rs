@@ -58,8 +58,9 @@ impl<'a> Sheet<'a> {
         let layers: Vec<&Shown> = survey.notable.layers().collect();
         let cell = (width - GAP * (COLUMNS - 1) as f64) / COLUMNS as f64;
         let (mut extent, mut centre) = ([EXTENT_MIN_MM; 2], [0.0; 2]);
-        if survey.bounds.min.x <= survey.bounds.max.x {
-            let [low, high] = survey.bounds.mm();
+        let bounds = survey.shown();
+        if bounds.min.x <= bounds.max.x {
+            let [low, high] = bounds.mm();
             extent = [0, 1].map(|k| (high[k] - low[k]).max(EXTENT_MIN_MM));
             centre = [0, 1].map(|k| f64::midpoint(low[k], high[k]));
         }
@@ -104,7 +105,9 @@ impl<'a> Sheet<'a> {
                 if class == Class::Appears {
                     rings.extend(self.ring(polygon, middle));
                 }
-                self.outlines(polygon, middle, &mut room, &mut outlines);
+                if self.fits(polygon, middle, [x, y]) {
+                    self.outlines(polygon, middle, &mut room, &mut outlines);
+                }
             }
             to.fill(&outlines, class.colour());
         }
@@ -139,6 +142,13 @@ impl<'a> Sheet<'a> {
             *room -= points.len();
             to.push(points.into_iter().map(|p| self.place(p, middle)).collect());
         }
+    }
+
+    /// Whether it lies within the frame; a prime line at the other end of the plate does not.
+    fn fits(&self, polygon: &Polygon, middle: [f64; 2], [x, y]: [f64; 2]) -> bool {
+        let bounds = polygon.bounds();
+        let [low, high] = [bounds.min, bounds.max].map(|p| self.place(p, middle));
+        low[0] >= x && high[0] <= x + self.size[0] && high[1] >= y && low[1] <= y + self.size[1]
     }
 
     /// Around an island that is hard to see.

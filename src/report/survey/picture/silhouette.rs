@@ -45,12 +45,19 @@ struct Open {
     right: Vec<[f64; 2]>,
 }
 
-/// The outlines of a class, seen along an axis (0 from the front, 1 from the right).
-pub(super) fn outlines(of: &Elevation, axis: usize, class: Class, place: &Place) -> Vec<Outline> {
+/// The outlines of a class, seen along an axis (0 from the front, 1 from the right),
+/// cut off outside of a span in mm.
+pub(super) fn outlines(
+    of: &Elevation,
+    axis: usize,
+    class: Class,
+    place: &Place,
+    span_mm: [f64; 2],
+) -> Vec<Outline> {
     let mut done = Vec::new();
     let mut open: Vec<Open> = Vec::new();
     let mut top_mm = f64::NEG_INFINITY;
-    for band in bands(of, axis, class, place) {
+    for band in bands(of, axis, class, place, span_mm) {
         let mut before = std::mem::take(&mut open);
         if band.bottom_mm > top_mm {
             done.extend(before.drain(..).map(closed));
@@ -94,18 +101,18 @@ fn closed(open: Open) -> Outline {
     open.left.into_iter().chain(open.right.into_iter().rev()).collect()
 }
 
-fn bands(of: &Elevation, axis: usize, class: Class, place: &Place) -> Vec<Band> {
+fn bands(of: &Elevation, axis: usize, class: Class, place: &Place, span_mm: [f64; 2]) -> Vec<Band> {
     let mut bands: Vec<Band> = Vec::new();
     let least_mm = ROW_PX / place.scale;
     for row in of.rows() {
-        let runs = row.runs(axis, class);
+        let runs: Vec<Run> = row.runs(axis, class).iter().filter_map(|run| within(*run, span_mm)).collect();
         if runs.is_empty() {
             continue;
         }
         match bands.last_mut() {
             Some(last) if last.top_mm >= row.bottom_mm && last.top_mm - last.bottom_mm < least_mm => {
                 last.top_mm = row.top_mm;
-                last.runs.extend_from_slice(runs);
+                last.runs.extend(runs);
                 last.runs.sort_unstable();
                 last.runs.dedup_by(|next, kept| {
                     let joined = next[0] <= kept[1];
@@ -113,10 +120,16 @@ fn bands(of: &Elevation, axis: usize, class: Class, place: &Place) -> Vec<Band> 
                     joined
                 });
             }
-            _ => bands.push(Band { bottom_mm: row.bottom_mm, top_mm: row.top_mm, runs: runs.to_vec() }),
+            _ => bands.push(Band { bottom_mm: row.bottom_mm, top_mm: row.top_mm, runs }),
         }
     }
     bands
+}
+
+/// What of a stretch lies in a span.
+fn within([from, to]: Run, [low_mm, high_mm]: [f64; 2]) -> Option<Run> {
+    let [low, high] = [low_mm, high_mm].map(|mm| (mm * UNITS_PER_MM).round() as i32);
+    (from <= high && to >= low).then(|| [from.max(low), to.min(high)])
 }
 
 #[cfg(test)]
@@ -154,7 +167,7 @@ mod tests {
 
     fn check(rows: &[&[(f64, f64)]], outlines_expected: usize, area_expected: f64) {
         let place = Place { zero: [0.0, 100.0], scale: 2.0 };
-        let found = outlines(&elevation(rows), 0, Class::Body, &place);
+        let found = outlines(&elevation(rows), 0, Class::Body, &place, [-1.0, 20.0]);
         assert_eq!(found.len(), outlines_expected, "{found:?}");
         let sum: f64 = found.iter().map(area).sum();
         assert!((sum - 4.0 * area_expected).abs() < 1e-6, "{sum}");
@@ -171,10 +184,19 @@ mod tests {
     }
 
     #[test]
+    fn what_is_out_of_the_picture_is_cut_off() {
+        let place = Place { zero: [0.0, 0.0], scale: 1.0 };
+        let rows: [&[(f64, f64)]; 1] = [&[(-9.0, 2.0), (3.0, 4.0), (8.0, 9.0)]];
+        let found = outlines(&elevation(&rows), 0, Class::Body, &place, [-1.0, 5.0]);
+        let sum: f64 = found.iter().map(area).sum();
+        assert!(found.len() == 2 && (sum - 4.0).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
     fn rows_lower_than_a_pixel_are_one() {
         let rows: Vec<&[(f64, f64)]> = vec![&[(0.0, 1.0)]; 1000];
         let place = Place { zero: [0.0, 0.0], scale: 0.001 };
-        let found = outlines(&elevation(&rows), 0, Class::Body, &place);
+        let found = outlines(&elevation(&rows), 0, Class::Body, &place, [0.0, 1.0]);
         assert_eq!((found.len(), found[0].len()), (1, 4));
     }
 }
