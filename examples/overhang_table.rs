@@ -2,6 +2,7 @@
 //!
 //! `overhang_table LAYER_MM ANGLE_DEG BRIDGE_MM PIXEL_MM FILE.stl…`; a pixel of 0 leaves
 //! the image method out.
+#![allow(clippy::print_stdout)]
 use outrigger::detect::overhang::{Growth, SelfSupport};
 use outrigger::detect::walk::{Ask, ImageAsk, LayerAsk, Stage, Watch, walk};
 use outrigger::layers::from_mesh::{FromMesh, LayerHeights};

@@ -99,11 +99,9 @@ pub struct Findings {
 /// Those of the layers' source.
 pub fn walk<L: Layers>(layers: &mut L, ask: &Ask, watch: &mut impl Watch) -> Result<Findings, L::Error> {
     let mut islands = Islands::new();
-    let mut tracks: Vec<Track> =
-        [ask.layer.map(|a| Track::new(How::Layer(a), Method::Layer, a.rules.min_area_mm2))]
-            .into_iter()
-            .flatten()
-            .collect();
+    let by_layer = ask.layer.map(|a| Track::new(How::Layer(a), Method::Layer, a.rules.min_area_mm2));
+    let by_image = ask.image.map(|a| Track::new(How::Image(a), Method::Image, a.rules.min_area_mm2));
+    let mut tracks: Vec<Track> = by_layer.into_iter().chain(by_image).collect();
     let mut below = Layer::default();
     let (mut count, mut height_mm) = (0, 0.0);
     while let Some(batch) = layers.next_batch()? {

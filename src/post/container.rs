@@ -128,8 +128,7 @@ impl<W: Write> Output<W> {
                 Ok(changed)
             }
             Output::Binary(writer) => {
-                let found = writer.read_back(text)?;
-                writer.put(&found)?;
+                let found = writer.put(text)?;
                 Ok(match found {
                     _ if *found == *input => None,
                     Cow::Owned(found) => Some(found),

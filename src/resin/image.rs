@@ -206,24 +206,30 @@ struct Greyed {
 
 impl Greyed {
     fn row(&mut self, row: &[u8], show: &mut impl FnMut(&[u8])) -> Result<(), ImageError> {
-        // A panel whose width is no multiple of three has a pixel or two too many in the picture.
-        let width = self.panel.width_px as usize;
-        match (self.colour, self.panel.packing) {
-            (ColorType::Grayscale, Packing::Grey) => show(row),
-            (ColorType::Rgb, Packing::Subpixels) => show(&row[..width.min(row.len())]),
-            (ColorType::GrayscaleAlpha, Packing::Grey) => self.reduced::<2>(row, |p| p[1] == 255, show)?,
-            (ColorType::Rgb, Packing::Grey) => self.reduced::<3>(row, grey, show)?,
+        let panel = self.panel;
+        let row = match (self.colour, panel.packing) {
+            (ColorType::Grayscale, Packing::Grey) | (ColorType::Rgb, Packing::Subpixels) => row,
+            (ColorType::GrayscaleAlpha, Packing::Grey) => self.reduced::<2>(row, |p| p[1] == 255)?,
+            (ColorType::Rgb, Packing::Grey) => self.reduced::<3>(row, grey)?,
             (ColorType::Rgba, Packing::Grey) => {
-                self.reduced::<4>(row, |p| grey(&[p[0], p[1], p[2]]) && p[3] == 255, show)?;
+                self.reduced::<4>(row, |p| grey(&[p[0], p[1], p[2]]) && p[3] == 255)?
             }
             (ColorType::Rgba, Packing::Subpixels) => {
                 self.buffer.clear();
                 self.buffer.extend(row.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]));
-                self.buffer.truncate(width);
-                show(&self.buffer);
+                &self.buffer
             }
             (colour, _) => return Err(ImageError::Unsupported { colour: named(colour) }),
-        }
+        };
+        // A panel whose width is no multiple of three has a pixel or two too many in the picture;
+        // the first frame of an animated PNG may have too few.
+        let width = panel.width_px as usize;
+        let Some(row) = row.get(..width) else {
+            let [panel_width, panel_height] = panel.picture_px();
+            let (width, height) = (row.len() as u32, panel_height);
+            return Err(ImageError::WrongSize { width, height, panel_width, panel_height });
+        };
+        show(row);
         self.row += 1;
         Ok(())
     }
@@ -233,8 +239,7 @@ impl Greyed {
         &mut self,
         row: &[u8],
         plain: impl Fn(&[u8; N]) -> bool,
-        show: &mut impl FnMut(&[u8]),
-    ) -> Result<(), ImageError> {
+    ) -> Result<&[u8], ImageError> {
         self.buffer.clear();
         for (column, pixel) in row.as_chunks::<N>().0.iter().enumerate() {
             if !plain(pixel) {
@@ -243,8 +248,7 @@ impl Greyed {
             }
             self.buffer.push(pixel[0]);
         }
-        show(&self.buffer);
-        Ok(())
+        Ok(&self.buffer)
     }
 }
 

@@ -75,15 +75,18 @@ fn cross((a, b): Edge, grid: &Grid, axis: usize, lines: &mut [Vec<f64>]) {
     }
 }
 
+/// Runs of a row, ascending.
+pub(super) type Runs = Vec<(i32, i32)>;
+
 /// Runs of pixels by row; each is from the first on to before the second.
 pub(super) struct Raster {
-    pub(super) rows: Vec<Vec<(i32, i32)>>,
+    pub(super) rows: Vec<Runs>,
 }
 
 impl Raster {
     /// The pixels whose centres lie in any of the polygons.
     pub(super) fn of(polygons: &[&Polygon], grid: &Grid) -> Raster {
-        let mut rows: Vec<Vec<(i32, i32)>> = vec![Vec::new(); grid.rows.max(0) as usize];
+        let mut rows: Vec<Runs> = vec![Vec::new(); grid.rows.max(0) as usize];
         let column = |x: f64| {
             let k = ((x - grid.low[0]) / grid.pixel - 0.5).ceil();
             k.clamp(0.0, f64::from(grid.columns)) as i32
@@ -112,7 +115,7 @@ impl Raster {
 
     /// The pixels that the other has not.
     pub(super) fn minus(&self, other: &Raster) -> Raster {
-        let row = |(own, cut): (&Vec<(i32, i32)>, &Vec<(i32, i32)>)| {
+        let row = |(own, cut): (&Runs, &Runs)| {
             let mut left = Vec::new();
             for &(from, to) in own {
                 let mut x = from;

@@ -12,11 +12,11 @@
 //! - [`sweep`]: which triangles each plane crosses, batch by batch
 //! - [`walk`]: the contours of one plane
 //! - [`join`]: open contours closed
-//! - [`tidy`]: points that say nothing taken out
 use super::nest::Nester;
 use super::polygon::{self, Inside};
 use super::shape::{Region, UNITS_PER_MM};
 use super::stack::{Layer, Layers};
+use super::tidy::tidy;
 use crate::mesh::Mesh;
 use grid::Corner;
 pub use heights::{LayerHeights, MAX_LAYER_MM, MAX_LAYERS, MIN_LAYER_MM};
@@ -30,7 +30,6 @@ mod grid;
 mod heights;
 mod join;
 mod sweep;
-mod tidy;
 mod walk;
 
 /// Why a mesh cannot be sliced.
@@ -199,7 +198,7 @@ impl<'a> FromMesh<'a> {
         let mut rings = contours.closed;
         rings.extend(joined.rings.iter().cloned());
         rings.retain_mut(|ring| {
-            tidy::tidy(ring);
+            tidy(ring);
             !ring.is_empty()
         });
         let nested = scratch.nester.nest(&rings);

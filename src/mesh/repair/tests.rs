@@ -190,6 +190,16 @@ fn small_holes_are_filled_and_large_ones_told() {
 }
 
 #[test]
+fn holes_that_share_a_vertex_are_two() {
+    let mut soup = torus([0.0; 3], [10.0, 3.0], 24, 12);
+    let volume = soup.mesh().volume_mm3();
+    // The first triangles of two quadrilaterals that meet in a corner only.
+    soup.0.remove(2 * 13);
+    soup.0.remove(0);
+    check("two", &soup, Some(volume), Mended { filled_holes: 2, filling_triangles: 2, ..CLEAN });
+}
+
+#[test]
 fn edges_are_split_where_vertices_lie_on_them() {
     // The top of a block in pieces of a fifth by a seventh, the sides in one.
     let mut soup = cube(0.0);
