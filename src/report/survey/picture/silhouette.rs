@@ -89,10 +89,11 @@ pub(super) fn outlines(
 
 /// Appends a point of a side; where the side goes on straight the last one gives way.
 fn step(side: &mut Vec<[f64; 2]>, to: [f64; 2]) {
-    if let [.., a, b] = side.as_slice() {
-        if a[0] == b[0] && b[0] == to[0] {
-            side.pop();
-        }
+    if let [.., a, b] = side.as_slice()
+        && a[0] == b[0]
+        && b[0] == to[0]
+    {
+        side.pop();
     }
     side.push(to);
 }
