@@ -54,9 +54,9 @@ class Page {
     const below = this.index > 0 ? this.layers.groups(this.index - 1) : [];
     this.view.show(this.layers.groups(this.index), below, marked);
     const last = this.job.report.layers - 1;
-    const words = `Layer ${layer.number} of ${last}, Z ${mm(layer.top, 3)} mm`;
+    const words = `Layer ${layer.number} of ${last}, Z ${height(layer.top)} mm`;
     const where = document.getElementById('where');
-    where.replaceChildren(words, element('small', {}, `  middle at ${mm(layer.plane, 3)}`));
+    where.replaceChildren(words, element('small', {}, `  middle at ${height(layer.plane)}`));
     this.strip.set(this.index, words);
     document.getElementById('previous').disabled = !(this.events[0] < this.index);
     document.getElementById('next').disabled = !(this.events[this.events.length - 1] > this.index);

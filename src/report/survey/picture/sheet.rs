@@ -9,6 +9,7 @@ use super::views::round_step;
 use super::{FAINT, HAIR, INK, PAPER, any_of, bold, style};
 use crate::layers::shape::{Point, Polygon};
 use crate::report::canvas::{Anchor, Canvas, Outline, Style};
+use crate::report::check::height_words;
 
 /// Layers in a row.
 const COLUMNS: usize = 4;
@@ -36,6 +37,9 @@ const POINTS_MAX: usize = 20_000;
 
 /// An island smaller than this has a ring around it, px.
 const RING_PX: f64 = 14.0;
+
+/// Most rings in a layer: with more, rings are all that would be seen.
+const RINGS_MAX: usize = 60;
 
 /// Least extent that is scaled to the frame, mm.
 const EXTENT_MIN_MM: f64 = 1.0;
@@ -111,11 +115,12 @@ impl<'a> Sheet<'a> {
             }
             to.fill(&outlines, class.colour());
         }
+        rings.truncate(RINGS_MAX);
         for (centre, radius) in rings {
             to.circle(centre, radius, Class::Appears.colour(), 1.5);
         }
         self.scale_bar(to, [x + self.size[0] - BORDER, y + self.size[1] - BORDER]);
-        let words = format!("layer {}, Z {:.2} mm", layer.number, layer.top_mm);
+        let words = format!("layer {}, Z {} mm", layer.number, height_words(layer.top_mm));
         to.text([x, y + self.size[1] + 18.0], style(13.0, INK), &words);
         let mut areas = Vec::new();
         if layer.island_mm2 > 0.0 {

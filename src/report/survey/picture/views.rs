@@ -1,7 +1,7 @@
 //! The job seen from the front and from the right, with a scale of heights.
 use super::super::Survey;
 use super::super::class::{ALL, Class};
-use super::silhouette::{Place, outlines};
+use super::silhouette::{Place, View, outlines};
 use super::{FAINT, HAIR, INK, PAPER, any_of, style};
 use crate::report::canvas::{Anchor, Canvas, Style};
 use crate::report::check::Report;
@@ -95,8 +95,10 @@ impl<'a> Views<'a> {
 
     fn view(&self, to: &mut dyn Canvas, axis: usize, place: &Place) {
         // An island appears in one layer: too thin to see, so its mark tells the place.
+        let span_mm = self.spans[axis];
+        let view = View { of: &self.survey.elevation, axis, place: *place, span_mm };
         for class in ALL {
-            to.fill(&outlines(&self.survey.elevation, axis, class, place, self.spans[axis]), class.colour());
+            to.fill(&outlines(&view, class), class.colour());
         }
         let mut labels: Vec<[f64; 2]> = Vec::new();
         for (k, island) in self.report.largest_islands().iter().take(MARKED_MAX).enumerate() {
