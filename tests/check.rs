@@ -162,7 +162,7 @@ fn findings_fail_only_where_asked() {
         outrigger(folder.path(), [&["check", "-q", "lamp.stl"], args].concat()).ends(code).stderr.clone()
     };
     check(&[], 0);
-    assert!(check(&["--fail-on", "islands"], 1).contains("1 islands"));
+    assert!(check(&["--fail-on", "islands"], 1).contains("islands: 1"));
     check(&["--fail-on", "islands,overhangs"], 1);
     check(&["--fail-on", "islands", "--min-area-mm2", "5"], 0);
     check(&["--fail-on", "overhangs", "--overhang", "none"], 2);

@@ -121,7 +121,7 @@ fn verdict(args: &Args, report: &Report) -> ExitCode {
         (Finding::Overhangs, overhangs, "overhangs"),
     ];
     let found = counts.iter().filter(|(finding, count, _)| *count > 0 && args.fail_on.contains(finding));
-    let words: Vec<String> = found.map(|(_, count, name)| format!("{count} {name}")).collect();
+    let words: Vec<String> = found.map(|(_, count, name)| format!("{name}: {count}")).collect();
     if words.is_empty() {
         return ExitCode::SUCCESS;
     }
