@@ -162,7 +162,7 @@ fn findings_fail_only_where_asked() {
         outrigger(folder.path(), [&["check", "-q", "lamp.stl"], args].concat()).ends(code).stderr.clone()
     };
     check(&[], 0);
-    assert!(check(&["--fail-on", "islands"], 1).contains("1 islands"));
+    assert!(check(&["--fail-on", "islands"], 1).contains("islands: 1"));
     check(&["--fail-on", "islands,overhangs"], 1);
     check(&["--fail-on", "islands", "--min-area-mm2", "5"], 0);
     check(&["--fail-on", "overhangs", "--overhang", "none"], 2);
@@ -188,6 +188,8 @@ fn wrong_usage_is_told_before_anything_is_done() {
     check(&["--pixel-mm", "0"], "0.001");
     check(&["--overhang", "guess"], "possible values");
     check(&["--filament-mm", "1.75"], "for G-code");
+    check(&["--json", "./lamp.stl"], "would replace");
+    check(&["--json", "a.html", "--picture", "a.html"], "same file");
     assert_eq!(names(folder.path()), ["lamp.stl"]);
 }
 
@@ -401,4 +403,43 @@ fn crc32(bytes: &[u8]) -> u32 {
         (0..8).fold(crc ^ u32::from(*byte), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
     };
     !bytes.iter().fold(!0, step)
+}
+
+/// Models that are kept beside the project, where they are there.
+fn models() -> Option<std::path::PathBuf> {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/models");
+    folder.is_dir().then_some(folder)
+}
+
+#[test]
+fn every_island_that_was_built_in_is_found_and_none_is_invented() {
+    let Some(models) = models() else { return };
+    for name in ["islands-1", "islands-2", "wedges-1", "wedges-2"] {
+        let built: Value = serde_json::from_slice(
+            &fs::read(models.join(name).with_extension("json")).expect("what is in it"),
+        )
+        .expect("JSON");
+        let built = built["islands"].as_array().cloned().unwrap_or_default();
+        let folder =
+            folder("model.stl", &fs::read(models.join(name).with_extension("stl")).expect("a model"));
+        let args = ["model.stl", "--layer-height", "0.1", "--overhang", "none", "--min-area-mm2", "0"];
+        let report = json(&folder, &args);
+        let mut found = report["islands"].as_array().cloned().expect("a list");
+        assert_eq!(found.len(), built.len(), "{name}");
+        for island in built {
+            let of = |v: &Value| v.as_f64().expect("a number");
+            let near_it = |f: &Value| {
+                let [x, y] = [0, 1].map(|k| of(&f["centroid_mm"][k]));
+                (x - of(&island["x"])).abs() < 0.1 && (y - of(&island["y"])).abs() < 0.1
+            };
+            let at = found.iter().position(near_it).unwrap_or_else(|| panic!("{name}: {island} is missing"));
+            let found = found.remove(at);
+            // Cut at most a layer above where it begins.
+            let above = of(&found["z_mm"]) - of(&island["z"]);
+            assert!((-1e-3..=0.1).contains(&above), "{name}: {found} {island}");
+            // Cylinders are many-sided.
+            let share = of(&found["area_mm2"]) / of(&island["area"]);
+            assert!((0.97..1.001).contains(&share), "{name}: {found} {island}");
+        }
+    }
 }

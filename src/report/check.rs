@@ -225,6 +225,13 @@ impl Tops {
     }
 }
 
+/// A height for people, mm: to a hundredth, and to a micrometre where layers need it.
+#[must_use]
+pub fn height_words(mm: f64) -> String {
+    let text = format!("{mm:.3}");
+    text.strip_suffix('0').map_or(text.clone(), str::to_owned)
+}
+
 /// A detector's name, as on the command line.
 #[must_use]
 pub fn name(method: Method) -> &'static str {
@@ -303,6 +310,11 @@ mod tests {
         let report = Report { islands, ..Report::default() };
         let found: Vec<u32> = report.largest_islands().iter().map(|i| i.layer).collect();
         assert_eq!(found, [3, 7, 9, 1]);
+    }
+
+    #[test]
+    fn heights_are_as_fine_as_layers() {
+        assert_eq!([5.2, 0.125, 12.0].map(height_words), ["5.20", "0.125", "12.00"]);
     }
 
     #[test]

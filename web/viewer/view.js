@@ -13,6 +13,11 @@ function mm(value, digits = 2) {
   return (/^-0\.?0*$/.test(text) ? text.slice(1) : text).replace('-', '−');
 }
 
+/** A height for people: to a hundredth, and to a micrometre where layers need it. */
+function height(value) {
+  return value.toFixed(3).replace(/0$/, '');
+}
+
 /** The value of a colour variable of the page. */
 function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
@@ -112,7 +117,8 @@ class LayerView {
     if (!this.hidden.has('below')) this.outlines(pen);
     pen.strokeStyle = colour('appears');
     pen.lineWidth = 1.5;
-    for (const [x, y] of rings) this.ring(pen, x, y, 11);
+    // With more, rings are all that would be seen.
+    for (const [x, y] of rings.slice(0, 200)) this.ring(pen, x, y, 11);
     if (this.marked) this.mark(pen, this.marked);
     this.scaleBar(pen, height);
   }
