@@ -22,6 +22,12 @@ fn list_and_show() {
     check(&["list", "--json"], 0, "\"title\": \"PLA (polylactic acid)\"", "");
     check(&["show", "ender-3"], 0, "# Bore of the stock nozzle, mm\nnozzle_mm = 0.4\n", "");
     check(&["show", "petg"], 0, "density_g_cm3 = 1.27", "");
+    check(
+        &["show", "resin-tough"],
+        0,
+        "# Longest span between two supported ends that prints unsupported (0: none), mm\nbridge_mm = 2.0\n",
+        "",
+    );
     check(&["show", "ender-3", "--json"], 0, "\"dtr_reset\": true", "");
     check(&["show", "ender-33"], 1, "", "did you mean ender-3?");
     check(&["show"], 2, "", "Usage");

@@ -1,7 +1,7 @@
 //! Files as the verbs need them: opened for sure, replaced whole or not at all.
 use anyhow::Context;
 use std::fs::{File, Metadata};
-use std::io::{Seek, SeekFrom};
+use std::io::{Seek, SeekFrom, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -63,6 +63,27 @@ pub(super) fn write_text(text: &str, to: &Path, what: &str) -> anyhow::Result<()
     std::fs::write(to, text).with_context(|| format!("cannot write the {what} {}", to.display()))
 }
 
+/// Writes a whole file: the old one stays until the new one is complete. `what` names
+/// it for people.
+///
+/// # Errors
+/// The file cannot be written; the old one, if any, is as it was.
+pub(super) fn write_whole(bytes: &[u8], to: &Path, what: &str) -> anyhow::Result<()> {
+    let failed = || format!("cannot write the {what} {}", to.display());
+    // A device or a pipe is written to; a link's target is replaced, not the link.
+    let known = to.canonicalize().ok();
+    let target = known.as_deref().unwrap_or(to);
+    if target.metadata().is_ok_and(|meta| !meta.is_file()) {
+        return std::fs::write(target, bytes).with_context(failed);
+    }
+    let old = target.metadata().ok();
+    // As for any new file: the process's mask takes from it.
+    let mode = old.as_ref().map_or(0o666, |_| 0o600);
+    let mut replacement = Replacement::with_mode(target, mode).with_context(failed)?;
+    replacement.file().write_all(bytes).with_context(failed)?;
+    replacement.put_new(old.as_ref()).with_context(failed)
+}
+
 /// A file as it was when it was opened.
 pub(super) struct Seen {
     device: u64,
@@ -119,12 +140,18 @@ impl Replacement {
     /// # Errors
     /// The folder cannot be written to.
     pub(super) fn beside(target: &Path) -> anyhow::Result<Replacement> {
+        // Nobody else's to read before it has the mode of what it replaces.
+        Replacement::with_mode(target, 0o600)
+    }
+
+    fn with_mode(target: &Path, mode: u32) -> anyhow::Result<Replacement> {
         let folder = match target.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         };
         let temporary = tempfile::Builder::new()
             .prefix(".outrigger-")
+            .permissions(std::fs::Permissions::from_mode(mode))
             .tempfile_in(folder)
             .with_context(|| format!("cannot write in {}", folder.display()))?;
         if let Ok(mut paths) = UNFINISHED.lock() {
@@ -166,6 +193,20 @@ impl Replacement {
             std::os::unix::fs::fchown(file, Some(meta.uid()), Some(meta.gid()))
                 .context("cannot keep the file's owner")?;
         }
+        self.rename()
+    }
+
+    /// Puts it in the target's place, with the mode of the old file if there is one.
+    fn put_new(self, old: Option<&Metadata>) -> anyhow::Result<()> {
+        if let Some(old) = old {
+            let mode = std::fs::Permissions::from_mode(old.mode() & 0o7777);
+            self.temporary.as_file().set_permissions(mode).context("cannot keep the file's mode")?;
+        }
+        self.rename()
+    }
+
+    fn rename(self) -> anyhow::Result<()> {
+        let file = self.temporary.as_file();
         file.sync_all().with_context(|| format!("cannot write beside {}", self.target.display()))?;
         std::fs::rename(self.temporary.path(), &self.target)
             .with_context(|| format!("cannot replace {}", self.target.display()))?;

@@ -3,6 +3,7 @@
 //! A verb is an `Args` struct (clap) and `run(Args) -> anyhow::Result<ExitCode>`.
 //! Exit codes: 0 done; 1 the file or the printer is at fault (one clear line on
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
+mod check;
 mod demo;
 mod files;
 mod interrupt;
@@ -29,6 +30,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Verb {
     Demo(demo::Args),
+    Check(check::Args),
     Post(post::Args),
     Print(print::Args),
     Mock(mock::Args),
@@ -40,6 +42,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.verb {
         Verb::Demo(args) => demo::run(&args),
+        Verb::Check(args) => check::run(&args),
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
         Verb::Mock(args) => mock::run(args),

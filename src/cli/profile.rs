@@ -100,7 +100,7 @@ fn check(files: &[String]) -> anyhow::Result<ExitCode> {
     for file in files {
         match profile::load_any(file) {
             Ok(Any::Printer(p)) => print(&format!("{file}: printer {:?} is valid\n", p.name))?,
-            Ok(Any::Material(m)) => print(&format!("{file}: material {:?} is valid\n", m.name))?,
+            Ok(Any::Material(m)) => print(&format!("{file}: {} {:?} is valid\n", m.kind.word(), m.name))?,
             Err(e) => {
                 eprintln!("outrigger: {e}");
                 code = ExitCode::from(1);

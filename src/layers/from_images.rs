@@ -1,1 +1,380 @@
 //! Layers from the images of a resin job: contours at half brightness.
+//!
+//! Takes an open [`Job`], gives its layers with polygons that follow the edges of the
+//! bright pixels exactly: bright is 128 and more of 255. Anti-aliased borders are thus
+//! cut where a pixel is half covered. Corner `k` of a side lies at the grid's point
+//! nearest to `k` pixels, so that nothing drifts over a panel whose pixel is no whole
+//! number of grid steps. x runs to the right and y to the back of the plate seen from
+//! above, from a corner of the panel ([`crate::resin::job::Placement`]).
+//!
+//! Supports cannot be told from the part in a picture: all is [`Layer::part`], and
+//! [`Layer::aid`] is empty. Knows no format of jobs.
+mod runs;
+mod trace;
+
+use super::shape::{Point, Polygon, Region, Ring, UNITS_PER_MM};
+use super::stack::{Layer, Layers};
+use crate::resin::image::{ImageError, Panel};
+use crate::resin::job::{Job, JobError, JobLayer, Placement};
+use rayon::prelude::*;
+use std::io::{Read, Seek};
+use trace::{Corner, MAX_CORNERS, TooFine, Trace};
+
+/// Most layers of a batch: enough for all cores of a board, and for progress to be seen.
+const MAX_BATCH: usize = 32;
+
+/// Most bytes of packed pictures of a batch.
+const BATCH_BYTES: u64 = 64 << 20;
+
+/// Corners of a batch to aim for: 64 MB of points.
+const BATCH_CORNERS: usize = 1 << 23;
+
+/// Why a job's pictures give no layers.
+#[derive(Debug, thiserror::Error)]
+pub enum FromImagesError {
+    /// The job, its archive or a picture.
+    #[error(transparent)]
+    Job(#[from] JobError),
+    /// Noise or dithering instead of shapes.
+    #[error(
+        "layer {layer} ({entry:?}): its shapes have more than {MAX_CORNERS} corners; export it without dithering"
+    )]
+    TooFine {
+        /// From 0 at the plate.
+        layer: u32,
+        /// Name of the picture in the archive.
+        entry: String,
+    },
+}
+
+/// The layers of a job, picture by picture.
+#[derive(Debug)]
+pub struct FromImages<R> {
+    job: Job<R>,
+    /// The next layer to be read.
+    next: u32,
+    /// Layers of the next batch.
+    batch: usize,
+}
+
+/// A picture that is read and not yet traced.
+struct Packed {
+    layer: u32,
+    png: Vec<u8>,
+}
+
+impl<R: Read + Seek> FromImages<R> {
+    /// The layers of a job from the plate up.
+    #[must_use]
+    pub fn new(job: Job<R>) -> FromImages<R> {
+        // The first batch is small: only then it is known how large layers are.
+        FromImages { job, next: 0, batch: rayon::current_num_threads().clamp(1, MAX_BATCH) }
+    }
+
+    /// The job.
+    #[must_use]
+    pub fn job(&self) -> &Job<R> {
+        &self.job
+    }
+
+    fn read(&mut self) -> Result<Vec<Packed>, JobError> {
+        let mut packed = Vec::new();
+        let mut bytes = 0;
+        while packed.len() < self.batch && (self.next as usize) < self.job.layers().len() {
+            bytes += self.job.png_bytes(self.next);
+            if bytes > BATCH_BYTES && !packed.is_empty() {
+                break;
+            }
+            packed.push(Packed { layer: self.next, png: self.job.png(self.next)? });
+            self.next += 1;
+        }
+        Ok(packed)
+    }
+
+    /// The layer of a picture's polygons, or what was wrong with it.
+    fn layer(&self, layer: u32, part: Result<Region, Fault>) -> Result<Layer, FromImagesError> {
+        let entry = self.job.entry_name(layer).to_owned();
+        let part = part.map_err(|fault| match fault {
+            Fault::Picture(source) => JobError::Picture { layer, entry, source }.into(),
+            Fault::TooFine => FromImagesError::TooFine { layer, entry },
+        })?;
+        let JobLayer { top_mm, height_mm, .. } = self.job.layers()[layer as usize];
+        let bottom_mm = (top_mm - height_mm).max(0.0);
+        Ok(Layer { number: layer, bottom_mm, top_mm, part, aid: Region::default() })
+    }
+}
+
+impl<R: Read + Seek> Layers for FromImages<R> {
+    type Error = FromImagesError;
+
+    fn count(&self) -> Option<u32> {
+        Some(self.job.layers().len() as u32)
+    }
+
+    fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, FromImagesError> {
+        let packed = self.read()?;
+        if packed.is_empty() {
+            return Ok(None);
+        }
+        let panel = self.job.panel();
+        let grid = Grid::new(panel, self.job.placement());
+        let parts: Vec<_> = packed.par_iter().map(|p| contours(panel, &grid, &p.png)).collect();
+        let layers = packed.iter().zip(parts).map(|(p, part)| self.layer(p.layer, part));
+        let layers = layers.collect::<Result<Vec<Layer>, _>>()?;
+        let largest = layers.iter().map(|l| l.part.len()).max().unwrap_or(0);
+        let threads = rayon::current_num_threads().clamp(1, MAX_BATCH);
+        self.batch = (BATCH_CORNERS / (largest + 1)).clamp(threads, MAX_BATCH);
+        Ok(Some(layers))
+    }
+}
+
+/// What is wrong with one picture.
+enum Fault {
+    Picture(ImageError),
+    TooFine,
+}
+
+/// Contours of one picture at half brightness, in grid steps over the plate.
+fn contours(panel: Panel, grid: &Grid, png: &[u8]) -> Result<Region, Fault> {
+    let mut trace = Trace::default();
+    let mut changes = Vec::new();
+    let mut fits = Ok(());
+    let row = |row: &[u8]| {
+        if fits.is_ok() {
+            runs::changes(row, &mut changes);
+            fits = trace.row(&changes);
+        }
+    };
+    panel.rows(png, row).map_err(Fault::Picture)?;
+    let polygons = fits.and_then(|()| trace.polygons()).map_err(|TooFine| Fault::TooFine)?;
+    Ok(grid.region(polygons))
+}
+
+/// Where the corners of pixels lie over the plate.
+struct Grid {
+    /// Along a row, by the columns from the left.
+    u: Vec<i32>,
+    /// Along a column, by the rows from the top.
+    v: Vec<i32>,
+    swap: bool,
+    mirrored: bool,
+}
+
+impl Grid {
+    fn new(panel: Panel, placement: Placement) -> Grid {
+        let side = |px: u32, pixel_mm: f64, reverse: bool| {
+            let at = |k: u32| (f64::from(k) * pixel_mm * UNITS_PER_MM).round() as i32;
+            (0..=px).map(|k| at(if reverse { px - k } else { k })).collect()
+        };
+        let [along, across] = placement.pixel_mm;
+        Grid {
+            u: side(panel.width_px, along, placement.reverse_u),
+            v: side(panel.height_px, across, placement.reverse_v),
+            swap: placement.swap,
+            mirrored: placement.mirrored(),
+        }
+    }
+
+    fn point(&self, [u, v]: Corner) -> Point {
+        let (a, b) = (self.u[u as usize], self.v[v as usize]);
+        if self.swap { Point { x: b, y: a } } else { Point { x: a, y: b } }
+    }
+
+    fn region(&self, polygons: Vec<trace::Rings>) -> Region {
+        let ring = |corners: Vec<Corner>| -> Ring {
+            let points = corners.into_iter().map(|c| self.point(c));
+            if self.mirrored { points.rev().collect() } else { points.collect() }
+        };
+        polygons.into_iter().map(|rings| Polygon { rings: rings.into_iter().map(ring).collect() }).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::resin::testing::sl1;
+    use crate::resin::{self, job::Format};
+    use std::io::Cursor;
+    use std::path::{Path, PathBuf};
+
+    /// Pixels of `#` 255, `+` 128, `-` 127, anything else 0.
+    fn pixels(rows: &[&str]) -> Vec<u8> {
+        let brightness = |b: u8| match b {
+            b'#' => 255,
+            b'+' => 128,
+            b'-' => 127,
+            _ => 0,
+        };
+        rows.iter().flat_map(|r| r.bytes()).map(brightness).collect()
+    }
+
+    fn all<R: Read + Seek>(mut layers: FromImages<R>) -> Result<Vec<Layer>, FromImagesError> {
+        let mut found = Vec::new();
+        while let Some(batch) = layers.next_batch()? {
+            assert!(!batch.is_empty());
+            found.extend(batch);
+        }
+        assert_eq!(layers.count(), Some(found.len() as u32));
+        Ok(found)
+    }
+
+    fn layers(width: u32, height: u32, pictures: &[&[&str]]) -> Vec<Layer> {
+        let pictures: Vec<Vec<u8>> = pictures.iter().map(|p| pixels(p)).collect();
+        let job = resin::open(Cursor::new(sl1(width, height, &pictures))).expect("a job");
+        all(FromImages::new(job)).expect("its layers")
+    }
+
+    fn mm(region: &Region) -> Vec<Vec<Vec<[f64; 2]>>> {
+        let ring = |r: &Ring| r.iter().map(|p| p.mm()).collect();
+        region.polygons.iter().map(|p| p.rings.iter().map(ring).collect()).collect()
+    }
+
+    #[test]
+    fn layers_lie_upright_over_the_plate() {
+        let found = layers(4, 3, &[&["#...", "....", "...+"], &["....", ".-..", "...."], &["####"; 3]]);
+        let square = |x: f64, y: f64| vec![vec![[x, y + 1.0], [x, y], [x + 1.0, y], [x + 1.0, y + 1.0]]];
+        assert_eq!(mm(&found[0].part), [square(0.0, 2.0), square(3.0, 0.0)]);
+        assert!(found[1].part.is_empty(), "127 is dark");
+        assert!((found[2].part.area_mm2() - 12.0).abs() < 1e-9);
+        let heights: Vec<_> = found.iter().map(|l| (l.number, l.bottom_mm, l.top_mm)).collect();
+        assert_eq!(heights[0], (0, 0.0, 0.1));
+        for (l, expect) in found.iter().zip([[0.0, 0.1], [0.1, 0.15], [0.15, 0.2]]) {
+            assert!((l.bottom_mm - expect[0]).abs() < 1e-12 && (l.top_mm - expect[1]).abs() < 1e-12);
+            assert!(l.aid.is_empty());
+        }
+    }
+
+    #[test]
+    fn every_turn_of_the_panel_keeps_the_invariants() {
+        let picture = pixels(&["##..", "#.#.", "####"]);
+        let panel = Panel { width_px: 4, height_px: 3, packing: resin::image::Packing::Grey };
+        let png = crate::resin::testing::grey(4, 3, &picture);
+        for turn in 0..8 {
+            let [reverse_u, reverse_v, swap] = [turn & 1 != 0, turn & 2 != 0, turn & 4 != 0];
+            let placement = Placement { pixel_mm: [2.0, 3.0], reverse_u, reverse_v, swap };
+            let Ok(region) = contours(panel, &Grid::new(panel, placement), &png) else { panic!("a picture") };
+            assert_eq!(region.polygons.len(), 1, "{turn}");
+            let rings = &region.polygons[0].rings;
+            let areas: Vec<f64> =
+                rings.iter().map(|r| super::super::shape::twice_area(r) as f64 / 2e8).collect();
+            assert_eq!(areas, [9.0 * 6.0, -6.0], "{turn}");
+            // The pixel at the left of the top row, by its middle.
+            let along = if reverse_u { 3.5 } else { 0.5 } * 2.0;
+            let across = if reverse_v { 2.5 } else { 0.5 } * 3.0;
+            let [x, y] = if swap { [across, along] } else { [along, across] };
+            let corner = Point::from_mm(
+                if x < 1.51 { 0.0 } else { x + if swap { 1.5 } else { 1.0 } },
+                if y < 1.51 { 0.0 } else { y + if swap { 1.0 } else { 1.5 } },
+            );
+            assert!(rings[0].contains(&corner), "{turn}: {corner:?} of {rings:?}");
+        }
+    }
+
+    #[test]
+    fn corners_do_not_drift_over_a_panel() {
+        let panel = Panel { width_px: 15_360, height_px: 1, packing: resin::image::Packing::Grey };
+        let placement =
+            Placement { pixel_mm: [0.047_25, 0.014], reverse_u: false, reverse_v: true, swap: false };
+        let grid = Grid::new(panel, placement);
+        for (k, &at) in grid.u.iter().enumerate() {
+            assert!((f64::from(at) - k as f64 * 472.5).abs() <= 0.5, "{k}");
+        }
+    }
+
+    #[test]
+    fn noise_is_refused_with_its_layer() {
+        let (width, height) = (4096, 2300);
+        let noise: Vec<u8> = (0..width * height).map(|i| ((i + i / width) % 2 * 255) as u8).collect();
+        let job = resin::open(Cursor::new(sl1(width, height, &[noise]))).expect("a job");
+        let said = all(FromImages::new(job)).expect_err("refused").to_string();
+        assert!(said.contains("layer 0 (\"job00000.png\")") && said.contains("dithering"), "{said}");
+    }
+
+    fn samples() -> Vec<PathBuf> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/gcode-samples/sla");
+        let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+        entries.filter_map(|e| Some(e.ok()?.path())).collect()
+    }
+
+    #[test]
+    fn real_jobs_have_the_area_of_their_pixels() {
+        for path in samples() {
+            let bytes = std::fs::read(&path).expect("a sample");
+            let mut job = resin::open(Cursor::new(&bytes)).expect("a job");
+            assert_eq!(job.format(), Format::Sl1);
+            assert_eq!([job.panel().width_px, job.panel().height_px], [1440, 2560]);
+            let number = job.layers().len() as u32;
+            assert_eq!(number, if bytes.len() > 1_000_000 { 260 } else { 200 });
+            // Decoding is slow without optimisation: some layers of different kinds.
+            let counted: Vec<(u32, usize)> = (0..number)
+                .step_by(37)
+                .map(|i| (i, job.image(i).expect("a picture").pixels.iter().filter(|&&p| p >= 128).count()))
+                .collect();
+            let panel = job.panel();
+            let grid = Grid::new(panel, job.placement());
+            for (i, bright) in counted {
+                let png = job.png(i).expect("a picture");
+                let Ok(part) = contours(panel, &grid, &png) else { panic!("layer {i}") };
+                assert!(bright > 0 && !part.is_empty());
+                let expect = bright as f64 * 0.047_25 * 0.047_25;
+                assert!((part.area_mm2() - expect).abs() < expect * 1e-4, "{path:?}, layer {i}");
+                let [min, max] = part.bounds().mm();
+                assert!(min[0] > 0.0 && max[0] < 120.96 && min[1] > 0.0 && max[1] < 68.04, "{min:?} {max:?}");
+            }
+        }
+    }
+
+    /// Where a binary STL file's triangles cross a height, as pairs of points.
+    fn cut(stl: &[u8], z: f64) -> Vec<[[f64; 2]; 2]> {
+        let number = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        let triangle = |t: &[u8]| -> Option<[[f64; 2]; 2]> {
+            let corner = |k: usize| [0, 4, 8].map(|o| number(&t[12 + 12 * k + o..]));
+            let crossing = |k: usize| {
+                let [a, b] = [corner(k), corner((k + 1) % 3)];
+                let s = (z - a[2]) / (b[2] - a[2]);
+                ((a[2] < z) != (b[2] < z)).then(|| [0, 1].map(|i| a[i] + s * (b[i] - a[i])))
+            };
+            let mut crossings = (0..3).filter_map(crossing);
+            Some([crossings.next()?, crossings.next()?])
+        };
+        stl[84..].chunks_exact(50).filter_map(triangle).collect()
+    }
+
+    fn inside([x, y]: [f64; 2], edges: impl Iterator<Item = [[f64; 2]; 2]>) -> bool {
+        let left = |[a, b]: &[[f64; 2]; 2]| {
+            (a[1] <= y) != (b[1] <= y) && a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) < x
+        };
+        edges.filter(left).count() % 2 == 1
+    }
+
+    #[test]
+    fn a_real_job_lies_over_the_plate_as_its_model_does() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
+        let model = std::fs::read(folder.join("models/calib-supporttest.stl"));
+        let job = std::fs::read(folder.join("gcode-samples/sla/calib-supporttest-bare.sl1"));
+        let (Ok(model), Ok(job)) = (model, job) else { return };
+        let mut job = resin::open(Cursor::new(&job)).expect("a job");
+        let panel = job.panel();
+        let grid = Grid::new(panel, job.placement());
+        for layer in [0, 77, 150, 199] {
+            let png = job.png(layer).expect("a picture");
+            let Ok(part) = contours(panel, &grid, &png) else { panic!("layer {layer}") };
+            let timed = job.layers()[layer as usize];
+            let model = cut(&model, timed.top_mm - timed.height_mm / 2.0);
+            let ring = |r: &Ring| (0..r.len()).map(|i| [r[i].mm(), r[(i + 1) % r.len()].mm()]).collect();
+            let rings: Vec<Vec<[[f64; 2]; 2]>> = part.rings().map(ring).collect();
+            let (mut alike, mut mirrored, mut all) = (0, 0, 0);
+            for k in 0..4000 {
+                // The slicer put the model's middle onto the panel's.
+                let at = [f64::from(k % 80) * 0.53 - 21.0, f64::from(k / 80) * 0.83 - 21.0];
+                let solid = inside(at, model.iter().copied());
+                let over = |x: f64| inside([60.48 + x, 34.02 + at[1]], rings.iter().flatten().copied());
+                alike += usize::from(solid == over(at[0]));
+                mirrored += usize::from(solid == over(-at[0]));
+                all += 1;
+            }
+            assert!(alike * 1000 >= all * 995, "layer {layer}: {alike} of {all}");
+            assert!(mirrored * 100 < all * 98, "layer {layer} would look the same mirrored");
+        }
+    }
+}

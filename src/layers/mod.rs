@@ -5,12 +5,18 @@
 //!
 //! # Layout
 //! - [`shape`]: points on a grid, polygons with holes, their measures
+//! - [`tidy`]: rings rid of points that say nothing
+//! - [`outline`]: what a round nozzle sweeps
 //! - [`polygon`]: booleans, predicates and offsets; alone names the polygon libraries
+//! - [`nest`]: rings that do not meet become polygons without a boolean
 //! - [`stack`]: a layer, and where layers come from
 //! - [`from_mesh`], [`from_gcode`], [`from_images`]: the three places
 pub mod from_gcode;
 pub mod from_images;
 pub mod from_mesh;
+pub mod nest;
+pub mod outline;
 pub mod polygon;
 pub mod shape;
 pub mod stack;
+mod tidy;

@@ -41,8 +41,24 @@ pub(crate) const PRINTERS: &[(&str, &str)] = embed!(
 );
 
 /// Name and text of each material.
-pub(crate) const MATERIALS: &[(&str, &str)] =
-    embed!("materials", ".toml", ["abs", "asa", "hips", "pa", "pc", "petg", "pla", "pp", "tpu"]);
+pub(crate) const MATERIALS: &[(&str, &str)] = embed!(
+    "materials",
+    ".toml",
+    [
+        "abs",
+        "asa",
+        "hips",
+        "pa",
+        "pc",
+        "petg",
+        "pla",
+        "pp",
+        "resin-castable",
+        "resin-standard",
+        "resin-tough",
+        "tpu"
+    ]
+);
 
 /// File name and text of each shared macro.
 pub(crate) const MACROS: &[(&str, &str)] = embed!(

@@ -2,7 +2,7 @@
 //!
 //! Takes a valid profile, gives text that loads as the same profile.
 use super::keys::{self, Key, Takes};
-use super::{Any, check};
+use super::{Any, check, material::MaterialKind};
 use std::fmt::Write;
 use toml::Value;
 
@@ -12,11 +12,14 @@ use toml::Value;
 /// None of ours: only what serialising to TOML itself reports.
 pub fn explain(profile: &Any) -> Result<String, toml::ser::Error> {
     let (value, table) = match profile {
-        Any::Printer(p) => (Value::try_from(p.as_ref())?, keys::PRINTER),
-        Any::Material(m) => (Value::try_from(m)?, keys::MATERIAL),
+        Any::Printer(p) => (Value::try_from(p.as_ref())?, keys::PRINTER.to_vec()),
+        Any::Material(m) => match m.kind {
+            MaterialKind::Filament(_) => (Value::try_from(m)?, keys::filament()),
+            MaterialKind::Resin => (Value::try_from(m)?, keys::MATERIAL.to_vec()),
+        },
     };
     let mut out = String::new();
-    for key in table {
+    for key in &table {
         if let Some(found) = lookup(&value, key.path) {
             write_key(&mut out, key, found);
         }

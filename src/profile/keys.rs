@@ -5,7 +5,7 @@
 //! serde fills. Knows no file system.
 
 /// One key: where it stands, what it takes, what it means.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Key {
     /// Dotted path from the root of the file: `serial.baud`.
     pub path: &'static str,
@@ -18,7 +18,7 @@ pub struct Key {
 }
 
 /// What a key takes.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub enum Takes {
     /// One line of text of at most [`TEXT_BYTES_MAX`].
     Text,
@@ -144,12 +144,32 @@ pub const PRINTER: &[Key] = &[
     ),
 ];
 
-/// The keys of a material's profile, in the order in which `show` prints them.
+/// The keys that every material's profile has, in the order in which `show` prints them.
 pub const MATERIAL: &[Key] = &[
     key("name", Text, "Short name, as on the command line"),
     key("title", Text, "What it is called"),
-    key("kind", OneOf(&["filament"]), "How it comes"),
+    key("kind", OneOf(&["filament", "resin"]), "How it comes: filament on a spool, resin in a bottle"),
     key("density_g_cm3", Number(0.2, 10.0), "Density, g/cm³"),
+    key("self_support", Table, "What prints with nothing under it"),
+    key(
+        "self_support.angle_deg",
+        Number(0.0, 89.0),
+        "Steepest overhang that prints unsupported, degrees from the vertical (0: none)",
+    ),
+    key(
+        "self_support.bridge_mm",
+        Number(0.0, 200.0),
+        "Longest span between two supported ends that prints unsupported (0: none), mm",
+    ),
+    key(
+        "self_support.min_area_mm2",
+        Number(0.0, 100.0),
+        "Smallest island that shows in the print; smaller ones are listed apart, mm²",
+    ),
+];
+
+/// The keys that a filament's profile has besides; they follow [`MATERIAL`].
+pub const FILAMENT: &[Key] = &[
     key("nozzle_c", Table, "Temperature of the nozzle, °C"),
     key("nozzle_c.min", Number(100.0, 600.0), "Coolest at which it still flows and bonds, °C"),
     key("nozzle_c.usual", Number(100.0, 600.0), "Where to start, °C"),
@@ -162,3 +182,9 @@ pub const MATERIAL: &[Key] = &[
     key("fan_percent.min", Number(0.0, 100.0), "Least, %"),
     key("fan_percent.max", Number(0.0, 100.0), "Most, %"),
 ];
+
+/// The keys of a filament's profile.
+#[must_use]
+pub fn filament() -> Vec<Key> {
+    [MATERIAL, FILAMENT].concat()
+}

@@ -1,21 +1,51 @@
-//! A material's profile: the ranges in which a filament prints.
+//! A material's profile: what a filament or a resin bears.
 //!
 //! Plain data, valid once it is built; [`super::keys`] documents each key.
 use crate::units::Celsius;
 use serde::{Deserialize, Serialize};
 
-/// What Outrigger knows of one kind of filament. See [`super::load_material`].
+/// What Outrigger knows of one material. See [`super::load_material`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Material {
     /// Short name, as on the command line: `petg`.
     pub name: String,
     /// What it is called: `PETG (glycol-modified PET)`.
     pub title: String,
-    /// How it comes.
-    pub kind: MaterialKind,
-    /// Density in g/cm³.
+    /// Density in g/cm³; of a resin when cured.
     pub density_g_cm3: f64,
+    /// What prints with nothing under it.
+    pub self_support: SelfSupport,
+    /// How it comes, and what only this kind has. Keys of the other kind are
+    /// refused before this is built.
+    #[serde(flatten)]
+    pub kind: MaterialKind,
+}
+
+/// What prints with nothing under it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SelfSupport {
+    /// Steepest overhang, degrees from the vertical: 0 is a wall, 90 a ceiling.
+    pub angle_deg: f64,
+    /// Longest span between two supported ends, mm.
+    pub bridge_mm: f64,
+    /// Smallest island that shows in the print, mm².
+    pub min_area_mm2: f64,
+}
+
+/// How a material comes, with the keys that only this kind has.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub enum MaterialKind {
+    /// On a spool; melted.
+    Filament(Filament),
+    /// In a bottle; cured by light.
+    Resin,
+}
+
+/// The ranges in which a filament prints.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Filament {
     /// Temperature of the nozzle.
     pub nozzle_c: TemperatureRange,
     /// Temperature of the bed.
@@ -24,12 +54,15 @@ pub struct Material {
     pub fan_percent: FanRange,
 }
 
-/// How a material comes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum MaterialKind {
-    /// On a spool.
-    Filament,
+impl MaterialKind {
+    /// The word that stands for it in a file.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            MaterialKind::Filament(_) => "filament",
+            MaterialKind::Resin => "resin",
+        }
+    }
 }
 
 /// `min <= usual <= max`.

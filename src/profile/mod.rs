@@ -10,6 +10,7 @@
 //! [`printer`] and [`material`] are the data · [`macros`] proves a cancel
 //! macro safe · `builtin` embeds `profiles/` · [`explain`] prints a profile
 //! with its documentation.
+use material::MaterialKind;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +23,7 @@ pub mod material;
 pub mod printer;
 
 pub use macros::Macro;
-pub use material::Material;
+pub use material::{Material, SelfSupport};
 pub use printer::Profile;
 
 /// Largest profile or macro file: the longest of ours has under 4 KiB, and
@@ -157,11 +158,8 @@ pub fn load_any(name_or_path: &str) -> Result<Any, ProfileError> {
     let source = Source::find("printer or material", &all, name_or_path)?;
     // A file that does not say is taken for a printer, whose check then says
     // that `kind` is missing.
-    let filament = source
-        .text
-        .parse::<toml::Table>()
-        .is_ok_and(|t| t.get("kind").and_then(|k| k.as_str()) == Some("filament"));
-    Ok(if filament { Any::Material(source.material()?) } else { Any::Printer(Box::new(source.printer()?)) })
+    let material = matches!(source.kind().as_deref(), Some("filament" | "resin"));
+    Ok(if material { Any::Material(source.material()?) } else { Any::Printer(Box::new(source.printer()?)) })
 }
 
 /// The text of a profile and where it came from.
@@ -228,14 +226,23 @@ impl Source {
         Ok(profile)
     }
 
+    /// What the file says that it is, if it is TOML and says so.
+    fn kind(&self) -> Option<String> {
+        let table = self.text.parse::<toml::Table>().ok()?;
+        Some(table.get("kind")?.as_str()?.to_owned())
+    }
+
     fn material(&self) -> Result<Material, ProfileError> {
-        let material: Material = self.build(self.checked(keys::MATERIAL)?)?;
-        for (key, range) in [("nozzle_c", material.nozzle_c), ("bed_c", material.bed_c)] {
+        let resin = self.kind().as_deref() == Some("resin");
+        let keys = if resin { keys::MATERIAL.to_vec() } else { keys::filament() };
+        let material: Material = self.build(self.checked(&keys).map_err(of_the_other_kind)?)?;
+        let MaterialKind::Filament(filament) = material.kind else { return Ok(material) };
+        for (key, range) in [("nozzle_c", filament.nozzle_c), ("bed_c", filament.bed_c)] {
             if !(range.min <= range.usual && range.usual <= range.max) {
                 return Err(self.value(key, "must have min <= usual <= max".to_owned()));
             }
         }
-        if material.fan_percent.min > material.fan_percent.max {
+        if filament.fan_percent.min > filament.fan_percent.max {
             return Err(self.value("fan_percent", "must have min <= max".to_owned()));
         }
         Ok(material)
@@ -280,6 +287,19 @@ impl Source {
             *value = toml::Value::String(text);
         }
         Ok(())
+    }
+}
+
+/// A filament's key in a resin's profile is not unknown: it is in the wrong place.
+fn of_the_other_kind(error: ProfileError) -> ProfileError {
+    match error {
+        ProfileError::Content { file, at: Located { line, fault: Fault::UnknownKey { key, .. } } }
+            if keys::FILAMENT.iter().any(|k| k.path == key) =>
+        {
+            let message = "belongs to a filament, and `kind` says \"resin\"".to_owned();
+            ProfileError::Content { file, at: Located { line, fault: Fault::Value { key, message } } }
+        }
+        other => other,
     }
 }
 

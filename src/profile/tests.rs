@@ -93,10 +93,12 @@ fn keys_and_structs_agree() {
         leaves(&toml::Value::try_from(&full).unwrap(), "", &mut printer);
     }
     assert_eq!(printer, documented(keys::PRINTER));
-    let mut material = BTreeSet::new();
-    let pla = load_material("pla").unwrap();
-    leaves(&toml::Value::try_from(&pla).unwrap(), "", &mut material);
-    assert_eq!(material, documented(keys::MATERIAL));
+    for (name, table) in [("pla", keys::filament()), ("resin-standard", keys::MATERIAL.to_vec())] {
+        let mut material = BTreeSet::new();
+        let loaded = load_material(name).unwrap();
+        leaves(&toml::Value::try_from(&loaded).unwrap(), "", &mut material);
+        assert_eq!(material, documented(&table), "{name}");
+    }
 }
 
 fn mk3s_with(from: &str, to: &str) -> String {
@@ -164,11 +166,39 @@ fn names_and_files_that_are_not_there() {
 }
 
 #[test]
-fn a_materials_ranges_are_in_order() {
-    let mut file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
-    let text = builtin::MATERIALS.iter().find(|(n, _)| *n == "pla").unwrap().1;
-    let text = text.replace("usual = 210", "usual = 250");
-    file.write_all(text.as_bytes()).unwrap();
-    let said = load_any(file.path().to_str().unwrap()).unwrap_err().to_string();
-    assert!(said.contains("min <= usual <= max"), "{said}");
+fn a_materials_faults_are_named() {
+    let check = |name: &str, from: &str, to: &str, expect: &str| {
+        let text = builtin::MATERIALS.iter().find(|(n, _)| *n == name).unwrap().1;
+        assert!(text.contains(from), "{name}: {from}");
+        let mut file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
+        file.write_all(text.replace(from, to).as_bytes()).unwrap();
+        let said = load_any(file.path().to_str().unwrap()).unwrap_err().to_string();
+        assert!(said.contains(expect), "{name}, {to:?}: {said}");
+    };
+    check("pla", "usual = 210", "usual = 250", "min <= usual <= max");
+    check("pla", "kind = \"filament\"", "kind = \"resin\"", "belongs to a filament, and `kind` says");
+    check("pla", "angle_deg = 45", "angle_deg = 90", "self_support.angle_deg is 90, outside 0 to 89");
+    check(
+        "pla",
+        "angle_deg",
+        "angle",
+        "unknown key self_support.angle; did you mean self_support.angle_deg?",
+    );
+    check("resin-tough", "kind = \"resin\"", "kind = \"filament\"", "nozzle_c is missing");
+    check("resin-tough", "min_area_mm2 = 0.01", "min_area_mm2 = -1", "outside 0 to 100");
+    check("resin-tough", "name =", "bed_c = { min = 0, usual = 0, max = 0 }\nname =", "bed_c belongs to");
+}
+
+/// Resins bear less of a span than filaments, and show finer islands.
+#[test]
+fn rules_of_self_support() {
+    for name in material_names() {
+        let material = load_material(name).unwrap();
+        let rules = material.self_support;
+        let resin = material.kind == MaterialKind::Resin;
+        assert_eq!(resin, name.starts_with("resin-"), "{name}");
+        assert!((30.0..=75.0).contains(&rules.angle_deg), "{name}");
+        assert_eq!(rules.bridge_mm < 4.0, resin, "{name}");
+        assert_eq!(rules.min_area_mm2 < 0.1, resin, "{name}");
+    }
 }

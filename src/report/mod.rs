@@ -1,7 +1,8 @@
 //! Pictures for people: what a job looks like, before and after.
 //!
-//! Takes typed layers, gives text (SVG). Knows no file system and no clock, and
-//! nothing of printers: where a picture goes is the caller's business.
+//! Takes typed layers and what was found in them, gives text and bytes (SVG, PNG,
+//! HTML, JSON). Knows no file system and no clock, and nothing of printers: where
+//! a picture goes is the caller's business.
 //!
 //! # Layout
 //! - [`strokes`]: a layer as beads and jumps, in the order of the print
@@ -9,10 +10,16 @@
 //! - [`paths`]: the picture of a layer's paths, before and after
 //! - `panel`, `frame`, `legend`: its parts
 //! - `svg`: numbers, text and colours as SVG has them
+//! - [`check`]: what a check found, as JSON
+//! - [`survey`]: a checked job as pictures and as a page
+//! - `canvas`: one drawing as SVG or PNG
+mod canvas;
+pub mod check;
 mod frame;
 pub mod gain;
 mod legend;
 mod panel;
 pub mod paths;
 pub mod strokes;
+pub mod survey;
 mod svg;

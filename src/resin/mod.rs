@@ -2,3 +2,40 @@
 //!
 //! Takes the bytes of an archive, gives a job whose images can be read one at a
 //! time. Knows no layer of polygons and no file system.
+//!
+//! # Layout
+//! - [`job`]: a job as types, and why one cannot be read
+//! - [`archive`], [`directory`]: a zip within bounds
+//! - [`image`]: a picture's rows; alone names the PNG crate here
+//! - `sl1`, `nanodlp`: the formats, one a file
+pub mod archive;
+pub mod directory;
+pub mod image;
+pub mod job;
+mod nanodlp;
+mod sl1;
+#[cfg(test)]
+pub(crate) mod testing;
+
+use archive::Archive;
+use job::{Job, JobError};
+use std::io::{Read, Seek};
+
+/// Opens a job, whatever its file is called: the archive's entries tell its format.
+///
+/// Reads the directory, the settings and the first picture's header. The reader should
+/// be buffered.
+///
+/// # Errors
+/// The file is no archive or a damaged one, no resin job, or its settings are missing
+/// or cannot be right; the message says what and where.
+pub fn open<R: Read + Seek>(reader: R) -> Result<Job<R>, JobError> {
+    let archive = Archive::open(reader)?;
+    if archive.find(sl1::CONFIG).is_some() {
+        return sl1::open(archive);
+    }
+    if nanodlp::MARKS.iter().any(|mark| archive.find(mark).is_some()) {
+        return nanodlp::open(archive);
+    }
+    Err(JobError::UnknownFormat { first: archive.names().take(3).map(str::to_owned).collect() })
+}

@@ -1,0 +1,126 @@
+//! `outrigger check`: what of a job would print in the air.
+//!
+//! The file's content says what it is, never its name. What was found is told as a
+//! table, as JSON and as pictures; findings are no failure unless `--fail-on` says so.
+mod flags;
+mod kind;
+mod material;
+mod output;
+mod source;
+mod watch;
+mod words;
+
+use super::files;
+use super::interrupt::clean_up_on_signal;
+use crate::report::check::Report;
+use clap::{Args as ClapArgs, ValueEnum};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Find what of a model, a sliced job or a resin job would print in the air
+///
+/// FILE is a model (.stl), sliced G-code (.gcode, .bgcode) or a resin job (.sl1,
+/// .nanodlp); its content says which. Islands are pieces of a layer that nothing below
+/// holds; overhangs are parts that reach out too far over what is below them. G-code
+/// and resin jobs are checked as they will be printed, with no model needed.
+///
+/// Layers are counted from 0 at the plate. The table gives the Z at which a layer is
+/// printed; --json gives that as top_mm and the middle of the layer, where a model is
+/// cut, as z_mm.
+#[derive(ClapArgs, Debug)]
+pub(super) struct Args {
+    /// The model or the job
+    file: PathBuf,
+    /// Write what was found as JSON; "-" is standard output
+    #[arg(long, value_name = "FILE.json")]
+    json: Option<PathBuf>,
+    /// Draw what was found, by the name's ending: .svg or .png for one picture, .html
+    /// for a page with a layer slider that needs no network
+    #[arg(long, value_name = "FILE", value_parser = flags::picture)]
+    picture: Option<PathBuf>,
+    /// How overhangs are found
+    #[arg(long, value_name = "METHOD", value_enum, default_value_t = Overhang::Layer)]
+    overhang: Overhang,
+    #[command(flatten, next_help_heading = "Models (.stl)")]
+    model: flags::Model,
+    /// Diameter of the filament, for G-code that does not tell it
+    #[arg(long, value_name = "MM", value_parser = flags::positive, help_heading = "G-code")]
+    filament_mm: Option<f64>,
+    #[command(flatten, next_help_heading = "What holds itself")]
+    rules: flags::Rules,
+    /// Exit with 1 when something is found
+    #[arg(long, value_name = "FINDING", value_enum, value_delimiter = ',')]
+    fail_on: Vec<Finding>,
+    /// Say nothing unless something is wrong
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// How overhangs are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Overhang {
+    /// Each layer against the one below, in polygons
+    Layer,
+    /// The faces of a model by their slope
+    Normal,
+    /// Each layer against the one below, in pixels: the reference for the others
+    Image,
+    /// All that the file allows
+    All,
+    /// Islands only
+    None,
+}
+
+/// What may end a script.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Finding {
+    /// Any island of at least the smallest area
+    Islands,
+    /// Any overhang of at least the smallest area
+    Overhangs,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// The file cannot be read or checked, or an output not be written.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    clean_up_on_signal();
+    if args.fail_on.contains(&Finding::Overhangs) && args.overhang == Overhang::None {
+        return Ok(wrong_usage("--fail-on overhangs looks for none with --overhang none"));
+    }
+    let opened = kind::open(&args.file)?;
+    if let Some(reason) = flags::unfit(args, opened.kind) {
+        return Ok(wrong_usage(&reason));
+    }
+    let checked = source::check(args, opened)?;
+    output::write(args, &checked)?;
+    Ok(verdict(args, &checked.report))
+}
+
+/// As clap ends when options do not go together.
+fn wrong_usage(reason: &str) -> ExitCode {
+    eprintln!("outrigger: {reason}");
+    ExitCode::from(2)
+}
+
+/// Success, unless `--fail-on` names what was found.
+fn verdict(args: &Args, report: &Report) -> ExitCode {
+    let overhangs = report.overhangs_by_method.values().map(|found| found.regions).sum::<u64>();
+    let counts = [
+        (Finding::Islands, report.islands.len() as u64 + report.unlisted_islands, "islands"),
+        (Finding::Overhangs, overhangs, "overhangs"),
+    ];
+    let found = counts.iter().filter(|(finding, count, _)| *count > 0 && args.fail_on.contains(finding));
+    let words: Vec<String> = found.map(|(_, count, name)| format!("{count} {name}")).collect();
+    if words.is_empty() {
+        return ExitCode::SUCCESS;
+    }
+    eprintln!("outrigger: {}: {} (--fail-on)", files::display_name(&args.file), words.join(", "));
+    ExitCode::from(1)
+}
+
+/// Whether standard output is taken by something for machines.
+fn stdout_is_taken(args: &Args) -> bool {
+    args.json.as_deref() == Some(Path::new("-"))
+}

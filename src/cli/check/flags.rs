@@ -1,0 +1,185 @@
+//! The flags of `check` that have something to say about numbers.
+use super::kind::Kind;
+use super::{Args, Overhang};
+use crate::layers::from_mesh::{MAX_LAYER_MM, MIN_LAYER_MM};
+use clap::{Args as ClapArgs, ValueEnum};
+use std::path::{Path, PathBuf};
+
+/// Layer height of a model when none is given, mm.
+pub(super) const LAYER_MM: f64 = 0.2;
+
+/// Side of a pixel of the image method when none is given, mm.
+pub(super) const PIXEL_MM: f64 = 0.02;
+
+/// Finest pixel of the image method, mm.
+const PIXEL_MIN_MM: f64 = 0.001;
+
+/// How a model is placed and cut.
+#[derive(ClapArgs, Debug)]
+pub(super) struct Model {
+    /// Thickness of the layers [default: 0.2]
+    #[arg(long, value_name = "MM", value_parser = layer_height)]
+    pub(super) layer_height: Option<f64>,
+    /// Thickness of the first layer [default: that of the others]
+    #[arg(long, value_name = "MM", value_parser = layer_height)]
+    pub(super) first_layer_height: Option<f64>,
+    /// Turn the model by degrees about the X, then the Y, then the Z axis
+    #[arg(long, value_name = "X,Y,Z", value_parser = angles, allow_hyphen_values = true)]
+    pub(super) rotate: Option<[f64; 3]>,
+    /// Scale the model to this height, after turning it
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(super) height_mm: Option<f64>,
+}
+
+/// What counts as held.
+#[derive(ClapArgs, Debug)]
+pub(super) struct Rules {
+    /// The material whose profile gives these, from `outrigger profile list` or a file
+    /// [default: the G-code's own filament where it names one, else pla; for resin jobs
+    /// resin-standard]
+    #[arg(long, value_name = "NAME")]
+    pub(super) material: Option<String>,
+    /// Steepest overhang that holds itself, from the vertical: 0 is a wall, 90 a ceiling
+    #[arg(long, value_name = "DEGREES", value_parser = slope)]
+    pub(super) angle_deg: Option<f64>,
+    /// Longest bridge between two held ends
+    #[arg(long, value_name = "MM", value_parser = not_negative)]
+    pub(super) bridge_mm: Option<f64>,
+    /// List islands and overhangs smaller than this apart
+    #[arg(long, value_name = "MM2", value_parser = not_negative)]
+    pub(super) min_area_mm2: Option<f64>,
+    /// How far what is held spreads into the layer above
+    #[arg(long, value_name = "WAY", value_enum, default_value_t = Growth::Conditional)]
+    pub(super) growth: Growth,
+    /// Side of a pixel of the image method [default: 0.02]
+    #[arg(long, value_name = "MM", value_parser = pixel)]
+    pub(super) pixel_mm: Option<f64>,
+}
+
+/// How far what is held spreads into the layer above.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Growth {
+    /// Only inside the layer's own material
+    Conditional,
+    /// Over gaps too, as most programs do it: for comparison
+    Naive,
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    text.trim().parse::<f64>().ok().filter(|n| n.is_finite()).ok_or_else(|| "it is no number".to_owned())
+}
+
+fn within(text: &str, fits: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    if fits(value) { Ok(value) } else { Err(format!("it must be {wanted}")) }
+}
+
+fn layer_height(text: &str) -> Result<f64, String> {
+    let range = MIN_LAYER_MM..=MAX_LAYER_MM;
+    within(text, |mm| range.contains(&mm), &format!("from {MIN_LAYER_MM} to {MAX_LAYER_MM} mm"))
+}
+
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    within(text, |mm| mm > 0.0, "more than 0")
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    within(text, |mm| mm >= 0.0, "0 or more")
+}
+
+fn slope(text: &str) -> Result<f64, String> {
+    within(text, |deg| (0.0..90.0).contains(&deg), "from 0 to less than 90")
+}
+
+fn pixel(text: &str) -> Result<f64, String> {
+    within(text, |mm| (PIXEL_MIN_MM..=1.0).contains(&mm), &format!("from {PIXEL_MIN_MM} to 1 mm"))
+}
+
+fn angles(text: &str) -> Result<[f64; 3], String> {
+    let parts: Result<Vec<f64>, String> = text.split(',').map(number).collect();
+    parts?.try_into().map_err(|_| "three angles are needed: X,Y,Z".to_owned())
+}
+
+/// What is drawn, by the name of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Drawing {
+    /// A drawing of lines.
+    Svg,
+    /// The same of pixels.
+    Png,
+    /// The page.
+    Html,
+}
+
+/// What a path's ending asks for.
+pub(super) fn drawing(path: &Path) -> Option<Drawing> {
+    match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+        "svg" => Some(Drawing::Svg),
+        "png" => Some(Drawing::Png),
+        "html" | "htm" => Some(Drawing::Html),
+        _ => None,
+    }
+}
+
+pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match drawing(&path) {
+        Some(_) => Ok(path),
+        None => Err("its name must end in .svg, .png or .html".to_owned()),
+    }
+}
+
+/// Why options do not go with a file of this kind.
+pub(super) fn unfit(args: &Args, kind: Kind) -> Option<String> {
+    let file = args.file.display();
+    if kind != Kind::Gcode && args.filament_mm.is_some() {
+        return Some(format!("--filament-mm is for G-code; {file} is {}", kind.words()));
+    }
+    if kind == Kind::Stl {
+        return None;
+    }
+    let model = &args.model;
+    let given = [
+        ("--layer-height", model.layer_height.is_some()),
+        ("--first-layer-height", model.first_layer_height.is_some()),
+        ("--rotate", model.rotate.is_some()),
+        ("--height-mm", model.height_mm.is_some()),
+        ("--overhang normal", args.overhang == Overhang::Normal),
+    ];
+    let (name, _) = given.into_iter().find(|(_, given)| *given)?;
+    Some(format!("{name} is for models; {file} is {}, which has its own layers", kind.words()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_within_their_ranges() {
+        let check = |found: Result<f64, String>, expect: Option<f64>| assert_eq!(found.ok(), expect);
+        check(layer_height("0.2"), Some(0.2));
+        check(layer_height("0"), None);
+        check(layer_height("1e-9"), None);
+        check(layer_height("NaN"), None);
+        check(layer_height("-1"), None);
+        check(layer_height("1e9"), None);
+        check(positive("0"), None);
+        check(positive("inf"), None);
+        check(slope("90"), None);
+        check(slope("0"), Some(0.0));
+        check(pixel("0"), None);
+        assert_eq!(angles("90, -45,0"), Ok([90.0, -45.0, 0.0]));
+        assert!(angles("1,2").is_err() && angles("1,2,3,4").is_err() && angles("1,2,x").is_err());
+    }
+
+    #[test]
+    fn a_picture_is_what_its_name_ends_in() {
+        let check = |name: &str, expect| assert_eq!(drawing(Path::new(name)), expect, "{name}");
+        check("a.svg", Some(Drawing::Svg));
+        check("a.b.PNG", Some(Drawing::Png));
+        check("a.html", Some(Drawing::Html));
+        check("a.pdf", None);
+        check("svg", None);
+        check("-", None);
+    }
+}

@@ -1,1 +1,0 @@
-//! Layers from sliced G-code: the beads of each layer, each swept with its width, united.

@@ -1,0 +1,416 @@
+//! Boundaries of bright pixels, traced along pixel edges.
+//!
+//! Takes the rows of one picture from the top, gives its polygons with corners
+//! counted in pixels. Pixels that share an edge are one piece, pixels that touch in a
+//! corner only are not (4-connectivity, as UVtools has it). Time and memory grow with
+//! the corners of the boundary, not with the pixels. Knows no brightness and no
+//! millimetre.
+//!
+//! # How
+//! Between two rows the boundary has an edge wherever one is bright and the other is
+//! not. Going along that line, such edges begin and end by turns, so corner `2 k` and
+//! corner `2 k + 1` are always joined by an edge along the row. Each corner is also the
+//! upper or lower end of an edge along a column, which begins where a row changes at
+//! a column and its upper neighbour does not, and is carried down until that ends.
+//!
+//! ```text
+//!  upper row      ████████          edges along the line: 0-1 and 2-3
+//!            0---1       2---3      column edges from above end at 1 and 2,
+//!  lower row ████████████████       new ones begin at 0 and 3
+//! ```
+//!
+//! Where two bright pixels touch in a corner only, two corners lie in one point, and
+//! the end of a run comes before the beginning of one: each bright pixel then keeps
+//! its own corner. Rings follow the edges with the bright side to the left as seen. A
+//! ring that comes to such a point a second time is cut there in two, so that rings
+//! are simple: an outer ring and the hole that touches it, or two holes.
+use rustc_hash::FxHashMap;
+
+/// Most corners of one picture's boundaries: a thousand times those of usual layers,
+/// and below 100 MB while they are traced. Only noise and dithering have more.
+pub(super) const MAX_CORNERS: usize = 1 << 22;
+
+/// A corner of pixels: columns from the left, rows from the top.
+pub(super) type Corner = [u32; 2];
+
+/// The outer ring, counter-clockwise as seen, and the holes, clockwise.
+pub(super) type Rings = Vec<Vec<Corner>>;
+
+const NONE: u32 = u32::MAX;
+
+/// An edge along a column that goes on from the row above.
+#[derive(Clone, Copy)]
+struct Edge {
+    /// The corner at its upper end.
+    top: u32,
+    /// The piece of the bright run beside it.
+    piece: u32,
+}
+
+/// Traces one picture.
+#[derive(Default)]
+pub(super) struct Trace {
+    row: u32,
+    corners: Vec<Corner>,
+    /// The piece beside each corner.
+    piece: Vec<u32>,
+    /// The next corner along the ring.
+    next: Vec<u32>,
+    /// Pieces that turned out to be one: a forest, each pointing to its parent.
+    parent: Vec<u32>,
+    /// Where the row above changes, and the edges there.
+    columns: Vec<u32>,
+    edges: Vec<Edge>,
+    /// Those of the row in work.
+    lower: Vec<Edge>,
+}
+
+/// The boundary has more than [`MAX_CORNERS`] corners.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct TooFine;
+
+impl Trace {
+    /// Takes the next row: the columns where it changes, as [`super::runs::changes`]
+    /// gives them.
+    pub(super) fn row(&mut self, columns: &[u32]) -> Result<(), TooFine> {
+        // Walls that go straight up make most rows like the one above.
+        if columns != self.columns {
+            if self.corners.len() + columns.len() + self.columns.len() > MAX_CORNERS {
+                return Err(TooFine);
+            }
+            self.join_pieces(columns);
+            self.line(columns);
+            std::mem::swap(&mut self.edges, &mut self.lower);
+            self.columns.clear();
+            self.columns.extend_from_slice(columns);
+        }
+        self.row += 1;
+        Ok(())
+    }
+
+    /// Gives each run of the new row the piece of a run above that it shares an edge
+    /// with, and joins the pieces of all such runs.
+    fn join_pieces(&mut self, columns: &[u32]) {
+        self.lower.clear();
+        let mut above = 0;
+        for run in columns.chunks_exact(2) {
+            let [begin, end] = [run[0], run[1]];
+            while above + 1 < self.columns.len() && self.columns[above + 1] <= begin {
+                above += 2;
+            }
+            let mut piece = NONE;
+            // The last run above that reaches this one may reach the next one too.
+            let mut k = above;
+            while k + 1 < self.columns.len() && self.columns[k] < end {
+                let other = self.edges[k].piece;
+                piece = if piece == NONE { self.root(other) } else { self.join(piece, other) };
+                k += 2;
+            }
+            if piece == NONE {
+                piece = self.parent.len() as u32;
+                self.parent.push(piece);
+            }
+            self.lower.extend([Edge { top: NONE, piece }; 2]);
+        }
+    }
+
+    /// Makes the corners on the line above the new row.
+    fn line(&mut self, columns: &[u32]) {
+        let (mut a, mut b) = (0, 0);
+        loop {
+            let upper = self.columns.get(a).copied().unwrap_or(NONE);
+            let lower = columns.get(b).copied().unwrap_or(NONE);
+            if upper == NONE && lower == NONE {
+                break;
+            }
+            // Even indices begin a run, odd ones end it.
+            if upper == lower && a % 2 == b % 2 {
+                self.lower[b].top = self.edges[a].top;
+                (a, b) = (a + 1, b + 1);
+            } else if upper < lower || (upper == lower && a % 2 == 1) {
+                self.end_edge(a, upper);
+                a += 1;
+            } else {
+                let piece = self.lower[b].piece;
+                self.lower[b].top = self.corner(lower, piece);
+                b += 1;
+            }
+        }
+    }
+
+    fn corner(&mut self, column: u32, piece: u32) -> u32 {
+        let id = self.corners.len() as u32;
+        self.corners.push([column, self.row]);
+        self.piece.push(piece);
+        self.next.push(NONE);
+        id
+    }
+
+    /// Ends a column edge of the upper row. With the bright side to the left, the left
+    /// side of a run is followed downwards and its right side upwards.
+    fn end_edge(&mut self, index: usize, column: u32) {
+        let Edge { top, piece } = self.edges[index];
+        let bottom = self.corner(column, piece);
+        let [from, to] = if index % 2 == 0 { [top, bottom] } else { [bottom, top] };
+        self.next[from as usize] = to;
+        self.next[to as usize] = to ^ 1;
+    }
+
+    fn root(&mut self, mut piece: u32) -> u32 {
+        while self.parent[piece as usize] != piece {
+            let above = self.parent[self.parent[piece as usize] as usize];
+            self.parent[piece as usize] = above;
+            piece = above;
+        }
+        piece
+    }
+
+    fn join(&mut self, one: u32, other: u32) -> u32 {
+        let (one, other) = (self.root(one), self.root(other));
+        // The older piece stays, so that polygons come in the order of their first rows.
+        let (older, newer) = (one.min(other), one.max(other));
+        self.parent[newer as usize] = older;
+        older
+    }
+
+    /// The polygons, in the order of their first corners from the top.
+    pub(super) fn polygons(mut self) -> Result<Vec<Rings>, TooFine> {
+        self.row(&[])?;
+        let mut polygons: Vec<Rings> = Vec::new();
+        let mut of_piece = vec![NONE; self.parent.len()];
+        let mut rings = Vec::new();
+        for start in 0..self.corners.len() {
+            if self.next[start] == NONE {
+                continue;
+            }
+            self.ring(start as u32, &mut rings);
+            let root = self.root(self.piece[start]) as usize;
+            if of_piece[root] == NONE {
+                of_piece[root] = polygons.len() as u32;
+                polygons.push(vec![Vec::new()]);
+            }
+            let polygon = &mut polygons[of_piece[root] as usize];
+            for ring in rings.drain(..) {
+                if turns_left(&ring) { polygon[0] = ring } else { polygon.push(ring) }
+            }
+        }
+        Ok(polygons)
+    }
+
+    /// Follows a ring from a corner to itself, cut where it touches itself.
+    fn ring(&mut self, start: u32, rings: &mut Vec<Vec<Corner>>) {
+        let mut path: Vec<u32> = Vec::new();
+        // Corners of the path that share their point with another, and where they stand in it.
+        let mut shared: FxHashMap<u32, usize> = FxHashMap::default();
+        let mut at = start;
+        loop {
+            let twin = self.twin(at);
+            let met = twin.and_then(|t| shared.get(&t).copied().filter(|&k| path.get(k) == Some(&t)));
+            if let Some(k) = met {
+                rings.push(path[k..].iter().map(|&c| self.corners[c as usize]).collect());
+                path.truncate(k + 1);
+            } else {
+                if twin.is_some() {
+                    shared.insert(at, path.len());
+                }
+                path.push(at);
+            }
+            at = std::mem::replace(&mut self.next[at as usize], NONE);
+            if at == start {
+                break;
+            }
+        }
+        rings.push(path.iter().map(|&c| self.corners[c as usize]).collect());
+    }
+
+    /// The other corner in the same point: made just before or just after.
+    fn twin(&self, corner: u32) -> Option<u32> {
+        let other = if corner % 2 == 1 { corner + 1 } else { corner.checked_sub(1)? };
+        let same = self.corners.get(other as usize) == self.corners.get(corner as usize);
+        same.then_some(other)
+    }
+}
+
+/// Whether a ring runs counter-clockwise as seen, with rows downwards.
+fn turns_left(ring: &[Corner]) -> bool {
+    let at = |i: usize| ring[i % ring.len()].map(i64::from);
+    let area: i64 = (0..ring.len()).map(|i| at(i)[0] * at(i + 1)[1] - at(i)[1] * at(i + 1)[0]).sum();
+    area < 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+
+    /// Rows of a picture; `#` is bright.
+    type Bits = Vec<Vec<bool>>;
+
+    fn traced(bits: &Bits) -> Vec<Rings> {
+        let mut trace = Trace::default();
+        for row in bits {
+            let row: Vec<u8> = row.iter().map(|&b| if b { 255 } else { 0 }).collect();
+            let mut columns = Vec::new();
+            super::super::runs::changes(&row, &mut columns);
+            trace.row(&columns).expect("a small picture");
+        }
+        trace.polygons().expect("a small picture")
+    }
+
+    fn art(rows: &[&str]) -> Bits {
+        rows.iter().map(|r| r.bytes().map(|b| b == b'#').collect()).collect()
+    }
+
+    fn at(bits: &Bits, x: i64, y: i64) -> bool {
+        let row = usize::try_from(y).ok().and_then(|y| bits.get(y));
+        row.and_then(|r| usize::try_from(x).ok().and_then(|x| r.get(x))).is_some_and(|&b| b)
+    }
+
+    /// Pixels inside a ring, by the edges along columns to the left of their middles.
+    fn filled(ring: &[Corner], width: usize, height: usize) -> Bits {
+        let mut bits = vec![vec![false; width]; height];
+        for (i, &[x, y]) in ring.iter().enumerate() {
+            let [other_x, other_y] = ring[(i + 1) % ring.len()];
+            if x != other_x {
+                continue;
+            }
+            for row in &mut bits[y.min(other_y) as usize..y.max(other_y) as usize] {
+                row[x as usize..].iter_mut().for_each(|b| *b = !*b);
+            }
+        }
+        bits
+    }
+
+    /// Pieces by flooding over shared edges, of pixels that are like `wanted`; one pixel
+    /// of border around the picture counts as dark.
+    fn flooded(bits: &Bits, wanted: impl Fn(i64, i64) -> bool) -> Vec<BTreeSet<(i64, i64)>> {
+        let (height, width) = (bits.len() as i64, bits.first().map_or(0, Vec::len) as i64);
+        let mut open: BTreeSet<(i64, i64)> = (-1..=height)
+            .flat_map(|y| (-1..=width).map(move |x| (x, y)))
+            .filter(|&(x, y)| wanted(x, y))
+            .collect();
+        let mut pieces = Vec::new();
+        while let Some(first) = open.pop_first() {
+            let (mut piece, mut edge) = (BTreeSet::from([first]), vec![first]);
+            while let Some((x, y)) = edge.pop() {
+                for near in [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)] {
+                    if open.remove(&near) {
+                        piece.insert(near);
+                        edge.push(near);
+                    }
+                }
+            }
+            pieces.push(piece);
+        }
+        pieces
+    }
+
+    /// Everything that must hold of any picture.
+    fn must_hold(bits: &Bits) {
+        let (height, width) = (bits.len(), bits.first().map_or(0, Vec::len));
+        let polygons = traced(bits);
+        let pieces = flooded(bits, |x, y| at(bits, x, y));
+        assert_eq!(polygons.len(), pieces.len(), "pieces of {bits:?}");
+        let mut seen = vec![vec![false; width]; height];
+        for rings in &polygons {
+            let mut own = vec![vec![false; width]; height];
+            for (i, ring) in rings.iter().enumerate() {
+                assert_eq!(turns_left(ring), i == 0, "ring {i} of {rings:?}");
+                let points: BTreeSet<&Corner> = ring.iter().collect();
+                assert_eq!(points.len(), ring.len(), "a ring touches itself: {ring:?}");
+                for (k, corner) in ring.iter().enumerate() {
+                    let (before, after) =
+                        (ring[(k + ring.len() - 1) % ring.len()], ring[(k + 1) % ring.len()]);
+                    let turn = |a: Corner, b: Corner| (a[0] == b[0]) != (a[1] == b[1]);
+                    assert!(turn(before, *corner) && turn(*corner, after), "slanted: {ring:?}");
+                    assert_ne!(before[0] == corner[0], corner[0] == after[0], "no corner: {ring:?}");
+                }
+                for (o, f) in own.iter_mut().flatten().zip(filled(ring, width, height).iter().flatten()) {
+                    *o ^= *f;
+                }
+            }
+            let inside = |x: i64, y: i64| at(&own, x, y);
+            let piece = pieces.iter().find(|p| p.iter().any(|&(x, y)| inside(x, y))).expect("its piece");
+            let pixels: BTreeSet<(i64, i64)> = flooded(bits, inside).into_iter().flatten().collect();
+            assert_eq!(&pixels, piece, "rings {rings:?}");
+            let outside = flooded(bits, |x, y| !piece.contains(&(x, y)));
+            assert_eq!(rings.len(), outside.len(), "holes of {rings:?}");
+            for (s, o) in seen.iter_mut().flatten().zip(own.iter().flatten()) {
+                assert!(!(*s && *o), "polygons overlap");
+                *s |= *o;
+            }
+        }
+        assert_eq!(&seen, bits);
+    }
+
+    #[test]
+    fn rings_follow_the_edges_of_pixels() {
+        let check = |rows: &[&str], expect: &[Rings]| {
+            let bits = art(rows);
+            assert_eq!(traced(&bits), expect, "{rows:#?}");
+            must_hold(&bits);
+        };
+        check(&[], &[]);
+        check(&["...", "..."], &[]);
+        check(&["#"], &[vec![vec![[0, 0], [0, 1], [1, 1], [1, 0]]]]);
+        // Straight walls and rows give no corner.
+        check(&["....", ".##.", ".##.", ".##."], &[vec![vec![[1, 1], [1, 4], [3, 4], [3, 1]]]]);
+        // Touching in a corner only: two pieces.
+        check(
+            &["#.", ".#"],
+            &[vec![vec![[0, 0], [0, 1], [1, 1], [1, 0]]], vec![vec![[1, 1], [1, 2], [2, 2], [2, 1]]]],
+        );
+        check(
+            &[".#", "#."],
+            &[vec![vec![[1, 0], [1, 1], [2, 1], [2, 0]]], vec![vec![[0, 1], [0, 2], [1, 2], [1, 1]]]],
+        );
+        // A hole, clockwise.
+        check(
+            &["###", "#.#", "###"],
+            &[vec![vec![[0, 0], [0, 3], [3, 3], [3, 0]], vec![[1, 1], [2, 1], [2, 2], [1, 2]]]],
+        );
+    }
+
+    #[test]
+    fn rings_that_touch_themselves_are_cut_in_two() {
+        let check = |rows: &[&str], rings: &[usize]| {
+            let bits = art(rows);
+            must_hold(&bits);
+            let found: Vec<usize> = traced(&bits).iter().map(Vec::len).collect();
+            assert_eq!(found, rings, "{rows:#?}");
+        };
+        // A piece whose two ends meet in a corner encloses a hole.
+        check(&[".##", "#.#", "###"], &[2]);
+        check(&["##.", "#.#", "###"], &[2]);
+        check(&["###", "#.#", "##."], &[2]);
+        // Two holes that touch in a corner.
+        check(&["####", "#.##", "##.#", "####"], &[3]);
+        check(&["####", "##.#", "#.##", "####"], &[3]);
+        // Dark pixels around a piece of its own are one hole with it.
+        check(&["#####", "##.##", "#.#.#", "##.##", "#####"], &[2, 1]);
+        // A U whose arms are one piece: joined only at the bottom row.
+        check(&["#.#.#", "#.#.#", "#####"], &[1]);
+        // Nested: a ring, and a body in its hole that touches it in a corner.
+        check(&["#####", "#...#", "#.#.#", "#..##", "#####"], &[2, 1]);
+        check(&["#####", "#...#", "#..#.", "#...#", "#####"], &[1, 1]);
+    }
+
+    #[test]
+    fn too_many_corners_are_refused() {
+        let mut trace = Trace::default();
+        let odd: Vec<u32> = (0..4096).collect();
+        let even: Vec<u32> = (1..4097).collect();
+        let refused = (0..2048).find_map(|i| trace.row(if i % 2 == 0 { &odd } else { &even }).err());
+        assert_eq!(refused, Some(TooFine));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+        #[test]
+        fn any_picture_comes_back((width, bits) in (1_usize..9).prop_flat_map(|w| (Just(w), prop::collection::vec(prop::collection::vec(any::<bool>(), w), 0..9)))) {
+            prop_assert!(bits.iter().all(|r| r.len() == width));
+            must_hold(&bits);
+        }
+    }
+}

@@ -1,1 +1,0 @@
-//! Layers from a mesh: every triangle against every plane, by a sweep.

@@ -1,0 +1,249 @@
+//! Layers from a mesh: every triangle against every plane, by a sweep from the plate up.
+//!
+//! Takes a [`Mesh`] that stands on the plate (z = 0) and the heights of the layers,
+//! gives [`Layer`]s in batches. All is exact on the grid of tenths of a micrometre:
+//! vertices and planes are put there once, each rounded by itself, and from then on
+//! only integers are compared. A vertex that lies on a plane counts as below it, so
+//! that no case is special and every contour closes. Knows no file and no detector.
+//!
+//! # Layout
+//! - [`heights`]: layer heights and the planes
+//! - [`grid`]: the mesh on the grid
+//! - [`sweep`]: which triangles each plane crosses, batch by batch
+//! - [`walk`]: the contours of one plane
+//! - [`join`]: open contours closed
+use super::nest::Nester;
+use super::polygon::{self, Inside};
+use super::shape::{Region, UNITS_PER_MM};
+use super::stack::{Layer, Layers};
+use super::tidy::tidy;
+use crate::mesh::Mesh;
+use grid::Corner;
+pub use heights::{LayerHeights, MAX_LAYER_MM, MAX_LAYERS, MIN_LAYER_MM};
+use rayon::prelude::*;
+use std::convert::Infallible;
+use std::sync::Mutex;
+use sweep::{Crossed, Sweep};
+use walk::{Plane, Surface, Visited};
+
+mod grid;
+mod heights;
+mod join;
+mod sweep;
+mod walk;
+
+/// Why a mesh cannot be sliced.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum SliceError {
+    /// No triangle.
+    #[error("the mesh holds no triangle: export it again from the program it comes from")]
+    Empty,
+    /// A height no printer can do.
+    #[error(
+        "a layer height of {mm} mm cannot be used: give {option} from {MIN_LAYER_MM} to {MAX_LAYER_MM} (mm)"
+    )]
+    LayerHeight {
+        /// Option that asks for it.
+        option: &'static str,
+        /// What was asked for, mm.
+        mm: f64,
+    },
+    /// More layers than anything prints.
+    #[error(
+        "a part {part_mm} mm high has more than {MAX_LAYERS} layers of {layer_mm} mm: \
+         give a greater --layer-height, or the right size with --height-mm"
+    )]
+    TooManyLayers {
+        /// Height of the part, mm.
+        part_mm: f64,
+        /// Layer height, mm.
+        layer_mm: f64,
+    },
+    /// No plane meets it.
+    #[error(
+        "the part is {part_mm} mm high, less than half of a first layer of {first_mm} mm: there is nothing \
+         to slice; give the right size with --height-mm, or smaller layers"
+    )]
+    Flat {
+        /// Height of the part, mm.
+        part_mm: f64,
+        /// Height of the first layer, mm.
+        first_mm: f64,
+    },
+    /// Not a number, or far outside of any printer.
+    #[error(
+        "vertex {vertex} has a coordinate of {mm} mm, beyond ±53 m: give the right size with --height-mm"
+    )]
+    Coordinate {
+        /// Its place in the mesh, from 0.
+        vertex: usize,
+        /// The coordinate, mm.
+        mm: f64,
+    },
+    /// It was not put on the plate.
+    #[error("the mesh reaches {mm} mm below the plate: put it on the plate before it is sliced")]
+    BelowPlate {
+        /// Depth, mm.
+        mm: f64,
+    },
+    /// The caller made a mesh whose parts do not fit each other.
+    #[error(
+        "triangle {triangle} names vertices or neighbours that are not its own: the mesh was put together wrongly"
+    )]
+    Mesh {
+        /// Its place in the mesh, from 0.
+        triangle: usize,
+    },
+}
+
+/// What slicing met on its way that is worth telling.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sliced {
+    /// Layers with contours that a hole in the mesh left open.
+    pub open_layers: u32,
+    /// The first of them.
+    pub first_open_layer: Option<u32>,
+    /// Open contours of all layers, after they were joined where their ends were near.
+    pub open_contours: u64,
+    /// Widest gap that a straight line closed, mm.
+    pub widest_gap_mm: f64,
+    /// Layers whose contours cross or touch: shells that overlap, or a surface that
+    /// runs through itself. They were united.
+    pub crossing_layers: u32,
+}
+
+/// The layers of a mesh, from the plate up.
+pub struct FromMesh<'a> {
+    mesh: &'a Mesh,
+    heights: LayerHeights,
+    corners: Vec<Corner>,
+    planes: Vec<i32>,
+    sweep: Sweep,
+    /// What the next batch crosses, where that was found while the last one was cut.
+    ready: Option<Crossed>,
+    sliced: Sliced,
+    scratch: Mutex<Vec<Scratch>>,
+}
+
+/// What a thread keeps from layer to layer.
+#[derive(Default)]
+struct Scratch {
+    visited: Visited,
+    nester: Nester,
+}
+
+/// One layer, and what was met on the way to it.
+struct Cut {
+    layer: Layer,
+    open: usize,
+    widest: f64,
+    crossing: bool,
+}
+
+impl<'a> FromMesh<'a> {
+    /// Makes ready to slice a mesh that stands on the plate, z = 0.
+    ///
+    /// The plane of a layer is its middle, rounded to the grid, and the last layer
+    /// is the last whose plane lies below the top of the mesh.
+    ///
+    /// Takes 16 bytes a vertex and at most 4 a triangle beside the mesh itself.
+    ///
+    /// # Errors
+    /// Heights out of range, a mesh without triangles, too flat, too large, below the
+    /// plate, or not put together as [`Mesh`] says.
+    pub fn new(mesh: &'a Mesh, heights: LayerHeights) -> Result<FromMesh<'a>, SliceError> {
+        grid::check(mesh)?;
+        let mut corners = grid::corners(mesh)?;
+        // Vertices that no triangle uses do not count.
+        let used = || mesh.triangles.iter().flatten().map(|&v| corners[v as usize].z);
+        let (bottom, top) = (used().min().unwrap_or_default(), used().max().unwrap_or_default());
+        if bottom < 0 {
+            return Err(SliceError::BelowPlate { mm: f64::from(-bottom) / UNITS_PER_MM });
+        }
+        let planes = heights::planes(heights, top)?;
+        grid::set_levels(&mut corners, &planes);
+        let sweep = Sweep::new(&corners, &mesh.triangles, planes.len());
+        Ok(FromMesh {
+            mesh,
+            heights,
+            corners,
+            planes,
+            sweep,
+            ready: None,
+            sliced: Sliced::default(),
+            scratch: Mutex::default(),
+        })
+    }
+
+    /// How many triangles all planes cross in all: what the time of slicing goes with.
+    #[must_use]
+    pub fn crossings(&self) -> u64 {
+        self.sweep.crossings()
+    }
+
+    /// What was met in the layers given so far.
+    #[must_use]
+    pub fn sliced(&self) -> Sliced {
+        self.sliced
+    }
+
+    fn cut(&self, number: usize, crossed: &[u32]) -> Cut {
+        let mut scratch = self.scratch.lock().ok().and_then(|mut s| s.pop()).unwrap_or_default();
+        scratch.visited.fit(self.mesh.triangles.len());
+        let surface =
+            Surface { corners: &self.corners, triangles: &self.mesh.triangles, twins: &self.mesh.twins };
+        let plane = Plane { number: number as u32, z: self.planes[number] };
+        let contours = surface.cut(plane, crossed, &mut scratch.visited);
+        let joined = join::join(&contours.open);
+        let mut rings = contours.closed;
+        rings.extend(joined.rings.iter().cloned());
+        rings.retain_mut(|ring| {
+            tidy(ring);
+            !ring.is_empty()
+        });
+        let nested = scratch.nester.nest(&rings);
+        let crossing = nested.is_none();
+        let part: Region = nested.unwrap_or_else(|| polygon::resolve(&rings, Inside::Positive));
+        if let Ok(mut pool) = self.scratch.lock() {
+            pool.push(scratch);
+        }
+        let layer = Layer { part, ..self.heights.empty_layer(plane.number) };
+        Cut { layer, open: joined.open, widest: joined.widest, crossing }
+    }
+
+    fn note(&mut self, cut: Cut) -> Layer {
+        if cut.open > 0 {
+            self.sliced.open_layers += 1;
+            self.sliced.first_open_layer.get_or_insert(cut.layer.number);
+            self.sliced.open_contours += cut.open as u64;
+            self.sliced.widest_gap_mm = self.sliced.widest_gap_mm.max(cut.widest / UNITS_PER_MM);
+        }
+        self.sliced.crossing_layers += u32::from(cut.crossing);
+        cut.layer
+    }
+}
+
+impl Layers for FromMesh<'_> {
+    type Error = Infallible;
+
+    fn count(&self) -> Option<u32> {
+        Some(self.planes.len() as u32)
+    }
+
+    fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, Infallible> {
+        let mut sweep = std::mem::take(&mut self.sweep);
+        let crossed = self.ready.take().or_else(|| sweep.next(&self.corners, &self.mesh.triangles));
+        let Some(crossed) = crossed else { return Ok(None) };
+        let cut = |n: usize| self.cut(n, crossed.by_plane(n));
+        // Finding the next batch's triangles is no work to share, but it need not be waited for.
+        let (cuts, ready) = rayon::join(
+            || crossed.planes.clone().into_par_iter().map(cut).collect::<Vec<Cut>>(),
+            || sweep.next(&self.corners, &self.mesh.triangles),
+        );
+        (self.sweep, self.ready) = (sweep, ready);
+        Ok(Some(cuts.into_iter().map(|cut| self.note(cut)).collect()))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,179 @@
+//! Small holes, filled.
+//!
+//! Takes a draft with open edges, follows each rim, and fills those that are small
+//! with the triangles of least area between their vertices (Barequet and Sharir,
+//! "Filling gaps in the boundary of a polyhedron", 1995, section 3). Large ones are
+//! left: they may be meant, and a filling would be invented.
+use super::around;
+use super::draft::Draft;
+use crate::mesh::report::Mended;
+use crate::mesh::shells::{Shell, Shells};
+use crate::mesh::twins::{CROWDED, next};
+use crate::mesh::vector::{area, distance};
+
+/// Most edges of a rim that is filled: the search takes their cube.
+const EDGES_MAX: usize = 64;
+
+/// Longest rim that is filled, in parts of the mesh's diagonal.
+const PERIMETER: f64 = 0.5;
+
+/// Largest part of its shell's area that a filling may have: a cup's opening, a box's
+/// lid and a bust's missing base have 5 % and more.
+const AREA: f64 = 0.01;
+
+/// Widest slit that is filled however long it is (its area by half its perimeter),
+/// in parts of the diagonal: 10 µm for a part of 100 mm.
+const SLIT_WIDTH: f64 = 1e-4;
+
+/// Largest part of its shell's area that a hole of three edges has when it is
+/// filled: a triangle that went missing.
+const TRIANGLE_AREA: f64 = 0.5;
+
+/// Areas of triangles that are computed for all holes together: 1 s or so.
+const AREAS_MAX: usize = 100_000_000;
+
+/// Fills what is small.
+pub(super) fn fill(draft: &mut Draft, mended: &mut Mended) {
+    let shells = Shells::of(&draft.vertices, &draft.triangles, &draft.pairing.twins);
+    let mut areas = AREAS_MAX;
+    let mut added = Vec::new();
+    for rim in Rims::of(draft).iter() {
+        let cost = rim.len() * rim.len() * rim.len() / 6;
+        if !(3..=EDGES_MAX).contains(&rim.len()) || cost > areas {
+            continue;
+        }
+        areas -= cost;
+        let shell = &shells.list[shells.of[(rim[0] / 3) as usize] as usize];
+        let Some((triangles, filling_mm2)) = cover(draft, rim) else { continue };
+        if is_small(draft, rim, filling_mm2, shell) {
+            mended.filled_holes += 1;
+            mended.filling_triangles += triangles.len() as u64;
+            added.extend(triangles);
+        }
+    }
+    if !added.is_empty() {
+        draft.triangles.extend(added);
+        draft.pair();
+        around::pair(draft);
+    }
+}
+
+/// The half-edges along each rim, each beginning where the one before ends; no vertex
+/// comes twice in a rim.
+///
+/// From one half-edge to the next the way goes through the triangles about their
+/// vertex. Where two holes share a vertex it leads from one into the other, and what
+/// came in between is cut out as a rim of its own.
+struct Rims {
+    half_edges: Vec<u32>,
+    /// Where in `half_edges` each rim ends.
+    ends: Vec<usize>,
+}
+
+/// Not in the rim that is being followed.
+const NOWHERE: u32 = u32::MAX;
+
+impl Rims {
+    fn of(draft: &Draft) -> Rims {
+        let twins = &draft.pairing.twins;
+        let mut seen = vec![false; twins.len()];
+        let mut positions = vec![NOWHERE; draft.vertices.len()];
+        let mut rims = Rims { half_edges: Vec::new(), ends: Vec::new() };
+        let mut path = Vec::new();
+        for first in 0..twins.len() as u32 {
+            let mut h = first;
+            while twins[h as usize] >= CROWDED && !std::mem::replace(&mut seen[h as usize], true) {
+                let start = draft.ends(h)[0] as usize;
+                if positions[start] != NOWHERE {
+                    rims.cut(draft, &mut path, positions[start], &mut positions);
+                }
+                positions[start] = path.len() as u32;
+                path.push(h);
+                h = next(h);
+                while twins[h as usize] < CROWDED {
+                    h = next(twins[h as usize]);
+                }
+            }
+            if !path.is_empty() {
+                rims.cut(draft, &mut path, 0, &mut positions);
+            }
+        }
+        rims
+    }
+
+    /// Makes the end of a path, from a position on, a rim.
+    fn cut(&mut self, draft: &Draft, path: &mut Vec<u32>, from: u32, positions: &mut [u32]) {
+        for h in path.drain(from as usize..) {
+            positions[draft.ends(h)[0] as usize] = NOWHERE;
+            self.half_edges.push(h);
+        }
+        self.ends.push(self.half_edges.len());
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &[u32]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(from, &to)| &self.half_edges[from..to])
+    }
+}
+
+/// Whether a rim is a hole that nobody meant.
+fn is_small(draft: &Draft, rim: &[u32], filling_mm2: f64, shell: &Shell) -> bool {
+    let length = |&h: &u32| {
+        let [a, b] = draft.ends(h).map(|v| draft.vertices[v as usize]);
+        distance(a, b)
+    };
+    let perimeter: f64 = rim.iter().map(length).sum();
+    let a_triangle = rim.len() == 3 && filling_mm2 <= TRIANGLE_AREA * shell.area_mm2;
+    let a_slit = filling_mm2 <= SLIT_WIDTH * draft.diagonal_mm * perimeter / 2.0;
+    let a_spot = perimeter <= PERIMETER * draft.diagonal_mm && filling_mm2 <= AREA * shell.area_mm2;
+    a_triangle || a_slit || a_spot
+}
+
+/// The triangles of least total area over a rim, facing as the surface does, and
+/// that area; `None` where all would fold back onto a triangle that is there.
+fn cover(draft: &Draft, rim: &[u32]) -> Option<(Vec<[u32; 3]>, f64)> {
+    let count = rim.len();
+    let vertices: Vec<u32> = rim.iter().map(|&h| draft.ends(h)[0]).collect();
+    let place = |k: usize| draft.vertices[vertices[k] as usize];
+    // least[i * count + j]: least area over the rim from vertex i to j, closed by a straight line; by way of which vertex.
+    let mut least = vec![(0.0_f64, 0_usize); count * count];
+    for span in 2..count {
+        for i in 0..count - span {
+            let j = i + span;
+            let mut best = (f64::INFINITY, 0);
+            for m in i + 1..j {
+                let rest = least[i * count + m].0 + least[m * count + j].0;
+                if rest < best.0 && !folds(rim, [i, m, j]) {
+                    let total = rest + area(place(i), place(m), place(j));
+                    if total < best.0 {
+                        best = (total, m);
+                    }
+                }
+            }
+            least[i * count + j] = best;
+        }
+    }
+    let total = least[count - 1].0;
+    if !total.is_finite() {
+        return None;
+    }
+    let mut triangles = Vec::with_capacity(count - 2);
+    let mut stack = vec![(0, count - 1)];
+    while let Some((i, j)) = stack.pop() {
+        if j - i > 1 {
+            let m = least[i * count + j].1;
+            // The other way round than the rim, whose half-edges these are to meet.
+            triangles.push([vertices[i], vertices[j], vertices[m]]);
+            stack.extend([(i, m), (m, j)]);
+        }
+    }
+    Some((triangles, total))
+}
+
+/// Whether a triangle between three vertices of a rim would lie back to back on one
+/// that has two of its edges on the rim.
+fn folds(rim: &[u32], [i, m, j]: [usize; 3]) -> bool {
+    let same = |a: usize, b: usize| rim[a] / 3 == rim[b] / 3;
+    let [first, second, third] = [m == i + 1, j == m + 1, i == 0 && j == rim.len() - 1];
+    first && second && same(i, m) || second && third && same(m, j) || third && first && same(j, i)
+}

@@ -1,0 +1,271 @@
+//! A resin job as types: its layers, its panel, and how the panel lies over the plate.
+//!
+//! Takes what a format read of an archive's settings, gives the layers' pictures one
+//! at a time. Knows no format, no polygon and no file system.
+use super::archive::{Archive, ArchiveError, MAX_ENTRY_BYTES};
+use super::image::{Image, ImageError, Panel};
+use std::io::{Read, Seek};
+use std::ops::RangeInclusive;
+
+/// Most layers: 5 m at 0.05 mm.
+pub const MAX_LAYERS: usize = 100_000;
+
+/// Heights of a layer that are believed, mm.
+pub const LAYER_MM: RangeInclusive<f64> = 0.001..=1.0;
+
+/// Sides of a pixel that are believed, mm. The finest panels have 0.0076 mm; the grid
+/// of the layers' polygons is 0.0001 mm.
+pub const PIXEL_MM: RangeInclusive<f64> = 0.001..=1.0;
+
+/// Exposures that are believed, s.
+pub const EXPOSURE_S: RangeInclusive<f64> = 0.0..=3600.0;
+
+/// The formats that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Prusa's SL1 and SL1S, as PrusaSlicer writes it.
+    Sl1,
+    /// NanoDLP's plates.
+    NanoDlp,
+}
+
+/// A layer of a job.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JobLayer {
+    /// Entry of the archive that holds its picture.
+    pub(super) entry: usize,
+    /// Height where it ends, mm above the plate.
+    pub top_mm: f64,
+    /// Its own height, mm.
+    pub height_mm: f64,
+    /// How long it is exposed, s.
+    pub exposure_s: f64,
+}
+
+/// How a picture lies over the plate, seen from above: x to the right, y to the back.
+///
+/// A corner of pixels, `u` of them from the left and `v` from the top of the picture,
+/// is first counted from the other side where reversed, and then taken as x and y,
+/// or as y and x where swapped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Length of a pixel along a row and along a column, mm.
+    pub pixel_mm: [f64; 2],
+    /// Columns are counted from the right.
+    pub reverse_u: bool,
+    /// Rows are counted from the bottom, as in a picture that is upright.
+    pub reverse_v: bool,
+    /// Columns run to the back and rows to the right.
+    pub swap: bool,
+}
+
+impl Placement {
+    /// Whether the plate shows the picture mirrored, so that what runs
+    /// counter-clockwise in the picture as seen runs clockwise over the plate.
+    #[must_use]
+    pub fn mirrored(&self) -> bool {
+        self.reverse_u ^ !self.reverse_v ^ self.swap
+    }
+}
+
+/// Why a job cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// The archive itself.
+    #[error(transparent)]
+    Archive(#[from] ArchiveError),
+    /// An archive of something else.
+    #[error(
+        "the archive is no resin job that is read here: it has neither config.ini (SL1) nor plate.json, options.json or slicer.json (NanoDLP); it begins with {first:?}"
+    )]
+    UnknownFormat {
+        /// Names of its first entries.
+        first: Vec<String>,
+    },
+    /// A file of settings that cannot be understood.
+    #[error("{entry:?} cannot be understood: {why}; export the job again")]
+    Settings {
+        /// Its name.
+        entry: String,
+        /// What is wrong and where.
+        why: String,
+    },
+    /// A setting that is not there.
+    #[error("{entry:?} has no {key}: {needed}; export the job again")]
+    NoSetting {
+        /// The file of settings.
+        entry: String,
+        /// The key.
+        key: &'static str,
+        /// What it is needed for.
+        needed: &'static str,
+    },
+    /// A setting that cannot be right.
+    #[error("{entry:?} says {key} = {found}: {wanted} is needed; export the job again")]
+    BadSetting {
+        /// The file of settings.
+        entry: String,
+        /// The key.
+        key: &'static str,
+        /// What stands there.
+        found: String,
+        /// What could be read.
+        wanted: String,
+    },
+    /// The job has no layer.
+    #[error("the archive holds no layer: no picture is named {pattern}; export the job again")]
+    NoLayer {
+        /// How layers are named.
+        pattern: String,
+    },
+    /// More layers than any job.
+    #[error("the archive holds {count} layers, at most {MAX_LAYERS} are read")]
+    TooManyLayers {
+        /// Layers found.
+        count: usize,
+    },
+    /// Two pictures for one layer.
+    #[error("layer {layer} has two pictures, {one:?} and {other:?}; export the job again")]
+    LayerTwice {
+        /// The number in the names.
+        layer: u32,
+        /// One of them.
+        one: String,
+        /// The other.
+        other: String,
+    },
+    /// A layer between others is missing.
+    #[error(
+        "layer {layer} is missing: no {name:?} in the archive, which holds later layers; export the job again"
+    )]
+    LayerMissing {
+        /// The number that no name has.
+        layer: u32,
+        /// The name that it would have.
+        name: String,
+    },
+    /// The settings announce another number of layers.
+    #[error(
+        "{entry:?} announces {announced} layers, the archive holds {found}: cut off or mixed up; export the job again"
+    )]
+    LayerCount {
+        /// The file of settings.
+        entry: String,
+        /// Layers that it announces.
+        announced: u64,
+        /// Pictures in the archive.
+        found: usize,
+    },
+    /// A layer's picture.
+    #[error("layer {layer} ({entry:?}): {source}")]
+    Picture {
+        /// From 0 at the plate.
+        layer: u32,
+        /// Name in the archive.
+        entry: String,
+        /// What is wrong with it.
+        source: ImageError,
+    },
+}
+
+/// An open job.
+#[derive(Debug)]
+pub struct Job<R> {
+    pub(super) archive: Archive<R>,
+    pub(super) format: Format,
+    pub(super) panel: Panel,
+    pub(super) placement: Placement,
+    pub(super) layers: Vec<JobLayer>,
+}
+
+impl<R: Read + Seek> Job<R> {
+    /// The format that it was written in.
+    #[must_use]
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// The panel that its pictures are for.
+    #[must_use]
+    pub fn panel(&self) -> Panel {
+        self.panel
+    }
+
+    /// How pictures lie over the plate.
+    #[must_use]
+    pub fn placement(&self) -> Placement {
+        self.placement
+    }
+
+    /// The layers from the plate up, at least one.
+    #[must_use]
+    pub fn layers(&self) -> &[JobLayer] {
+        &self.layers
+    }
+
+    /// Name of the archive's entry that holds a layer's picture; empty beyond the last.
+    #[must_use]
+    pub fn entry_name(&self, layer: u32) -> &str {
+        self.layers.get(layer as usize).map_or("", |l| self.archive.name(l.entry))
+    }
+
+    /// Bytes that a layer's picture announces, packed as PNG.
+    #[must_use]
+    pub fn png_bytes(&self, layer: u32) -> u64 {
+        self.layers.get(layer as usize).map_or(0, |l| self.archive.announced(l.entry))
+    }
+
+    /// The PNG bytes of a layer's picture, from 0 at the plate: what
+    /// [`Panel::rows`] of [`Job::panel`] reads, on any thread.
+    ///
+    /// # Errors
+    /// There is no such layer, or the archive is damaged there.
+    pub fn png(&mut self, layer: u32) -> Result<Vec<u8>, JobError> {
+        let Some(found) = self.layers.get(layer as usize) else {
+            return Err(JobError::LayerMissing { layer, name: "such picture".to_owned() });
+        };
+        Ok(self.archive.read(found.entry, MAX_ENTRY_BYTES)?)
+    }
+
+    /// A layer's picture, from 0 at the plate.
+    ///
+    /// # Errors
+    /// As [`Job::png`], and when the picture cannot be read.
+    pub fn image(&mut self, layer: u32) -> Result<Image, JobError> {
+        let png = self.png(layer)?;
+        let entry = self.entry_name(layer).to_owned();
+        self.panel.image(&png).map_err(|source| JobError::Picture { layer, entry, source })
+    }
+}
+
+/// The pictures of a job in order: entries named with a number, without gaps.
+///
+/// `number` gives the number in a name, or nothing where the entry is no layer;
+/// `name` gives the name of a number, for messages.
+pub(super) fn in_order<R: Read + Seek>(
+    archive: &Archive<R>,
+    starts: RangeInclusive<u32>,
+    pattern: &str,
+    number: impl Fn(&str) -> Option<u32>,
+    name: impl Fn(u32) -> String,
+) -> Result<Vec<usize>, JobError> {
+    let mut found: Vec<(u32, usize)> =
+        archive.names().enumerate().filter_map(|(index, n)| Some((number(n)?, index))).collect();
+    found.sort_unstable();
+    if found.len() > MAX_LAYERS {
+        return Err(JobError::TooManyLayers { count: found.len() });
+    }
+    let Some(&(first, _)) = found.first() else {
+        return Err(JobError::NoLayer { pattern: pattern.to_owned() });
+    };
+    if let Some(pair) = found.windows(2).find(|w| w[0].0 == w[1].0) {
+        let [one, other] = [pair[0].1, pair[1].1].map(|index| archive.name(index).to_owned());
+        return Err(JobError::LayerTwice { layer: pair[0].0, one, other });
+    }
+    let first = first.clamp(*starts.start(), *starts.end());
+    let gap = (first..).zip(&found).find(|(expected, (number, _))| expected != number);
+    if let Some((layer, _)) = gap {
+        return Err(JobError::LayerMissing { layer, name: name(layer) });
+    }
+    Ok(found.into_iter().map(|(_, index)| index).collect())
+}
