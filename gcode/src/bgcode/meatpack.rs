@@ -9,11 +9,12 @@
 //!   resets
 //! - a packed line feed in the first half ends the byte: the second half fills up
 //!
-//! libbgcode's encoder takes the spaces out of motions, and its decoder puts one
-//! before each of `X Y Z E F I J R G P W H C A` in a line that begins with `G`, and
-//! drops blank lines. Ours gives the same text for every line that begins with a
-//! `G` and a digit. Where another line begins with a `G` (a macro's name), libbgcode
-//! tears it apart with spaces; firmware does not, nor do we.
+//! libbgcode's encoder takes the spaces out of motions, and its decoder drops blank
+//! lines and puts a space before each of `X Y Z E F I J R G P W H C A S` in a line
+//! that begins with `G` (older versions have fewer letters). Ours gives the same text
+//! for every line that begins with a `G` and a digit. Where another line begins with
+//! a `G` (a macro's name), libbgcode tears it apart with spaces; firmware does not,
+//! nor do we.
 //!
 //! Does not know what the commands mean. The crate `meatpack` 0.1 (its first
 //! release) puts no spaces back, so that its text is not what libbgcode gives.
@@ -36,7 +37,7 @@ const SPACE: u8 = 11;
 const WHOLE: u8 = 15;
 
 /// Words that get a space before them in a line of `G` and a number.
-const PARAMETERS: &[u8] = b"XYZEFIJRGPWHCA";
+const PARAMETERS: &[u8] = b"XYZEFIJRGPWHCAS";
 
 /// Puts the spaces back and drops blank lines.
 #[derive(Debug, Default)]
@@ -324,7 +325,7 @@ mod tests {
         // Blank lines go, but for one before all.
         check(&[b"\n\nG1\n\n\nG1\n\n"], "\nG1\nG1\n");
         // A line that begins with G and no digit is a name.
-        check(&[b"GET_POSITION\nG28XYZ\nM1XY\nG1S1F2\n"], "GET_POSITION\nG28 X Y Z\nM1XY\nG1S1 F2\n");
+        check(&[b"GET_POSITION\nG28XYZ\nM1XY\nG1S1T1F2\n"], "GET_POSITION\nG28 X Y Z\nM1XY\nG1 S1T1 F2\n");
         // An unknown command is nothing; a signal alone is two whole characters.
         check(&[ON, b"\xff\xff\x01\xffaY\xcc"], "aY\n");
         check(&[b"\xffA\xff"], "\u{fffd}A");
@@ -343,7 +344,7 @@ mod tests {
         check_pack("G1 X1 ; right\n;TYPE:Perimeter\n\n", true, "G1 X1\n;TYPE:Perimeter\n");
         check_pack("G1 X1 ; right\n;TYPE:Perimeter\n\r\n", false, "G1 X1\n");
         check_pack(" ; far in\nM117 Hello  World E\n", true, " ; far in\nM117 Hello  World E\n");
-        check_pack("G4 S1\nG1  X1\nG1X1\n", true, "G4 S1\nG1  X1\nG1 X1\n");
+        check_pack("G10 L2 S1\nG1  X1\nG1X1\n", true, "G10 L2 S1\nG1  X1\nG1 X1\n");
         check_pack("M84", true, "M84\n");
         check_pack("M84\n; the end", true, "M84\n; the end");
         check_pack("M486 AShape G1 E2\nG28 W\n", true, "M486 AShape G1 E2\nG28 W\n");
