@@ -282,8 +282,25 @@ mod tests {
     }
 
     #[test]
+    fn a_damaged_picture_is_named() {
+        let mut job = sl1(8, 8, &[vec![0; 64], vec![255; 64], vec![255; 64]]);
+        // The picture of layer 1, damaged before it was packed.
+        let mut png = crate::resin::testing::grey(8, 8, &[255; 64]);
+        png[45] ^= 0xff;
+        let entries = ["config.ini", "prusaslicer.ini", "job00000.png", "job00001.png", "job00002.png"];
+        let mut archive = resin::archive::Archive::open(Cursor::new(&job)).expect("an archive");
+        let mut entries: Vec<(&str, Vec<u8>)> =
+            entries.map(|n| (n, archive.read_named(n, 1000).expect("an entry"))).to_vec();
+        entries[3].1 = png;
+        job = crate::resin::testing::archive(&entries);
+        let job = resin::open(Cursor::new(job)).expect("a job");
+        let said = all(FromImages::new(job)).expect_err("refused").to_string();
+        assert!(said.contains("layer 1 (\"job00001.png\"): the picture cannot be read"), "{said}");
+    }
+
+    #[test]
     fn noise_is_refused_with_its_layer() {
-        let (width, height) = (4096, 2300);
+        let (width, height) = (4096, 600);
         let noise: Vec<u8> = (0..width * height).map(|i| ((i + i / width) % 2 * 255) as u8).collect();
         let job = resin::open(Cursor::new(sl1(width, height, &[noise]))).expect("a job");
         let said = all(FromImages::new(job)).expect_err("refused").to_string();

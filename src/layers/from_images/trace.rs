@@ -151,7 +151,7 @@ impl Trace {
     fn end_edge(&mut self, index: usize, column: u32) {
         let Edge { top, piece } = self.edges[index];
         let bottom = self.corner(column, piece);
-        let [from, to] = if index % 2 == 0 { [top, bottom] } else { [bottom, top] };
+        let [from, to] = if index.is_multiple_of(2) { [top, bottom] } else { [bottom, top] };
         self.next[from as usize] = to;
         self.next[to as usize] = to ^ 1;
     }
