@@ -268,7 +268,7 @@ fn named(colour: ColorType) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::resin::testing::{grey, picture};
+    use crate::resin::testing::{grey, header, picture};
     use png::BitDepth;
     use proptest::prelude::*;
 
@@ -326,18 +326,6 @@ mod tests {
         let ghost = picture(3, 2, GrayscaleAlpha, Eight, &[0; 12]);
         check(PANEL, &ghost, &["transparency", "column 0, row 0"]);
         check(SUBPIXELS, &grey(1, 2, &[0; 2]), &["picture is grey"]);
-    }
-
-    /// A PNG that is nothing but a header.
-    fn header(width: u32, height: u32) -> Vec<u8> {
-        let mut png = grey(1, 1, &[0]);
-        png[16..20].copy_from_slice(&width.to_be_bytes());
-        png[20..24].copy_from_slice(&height.to_be_bytes());
-        let mut crc = flate2::Crc::new();
-        crc.update(&png[12..29]);
-        png[29..33].copy_from_slice(&crc.sum().to_be_bytes());
-        png.truncate(33);
-        png
     }
 
     #[test]
