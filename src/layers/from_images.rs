@@ -146,7 +146,7 @@ fn contours(panel: Panel, grid: &Grid, png: &[u8]) -> Result<Region, Fault> {
         }
     };
     panel.rows(png, row).map_err(Fault::Picture)?;
-    let polygons = fits.and_then(|()| trace.polygons()).map_err(|TooFine| Fault::TooFine)?;
+    let polygons = fits.and_then(|()| trace.polygons(|c| grid.point(c))).map_err(|TooFine| Fault::TooFine)?;
     Ok(grid.region(polygons))
 }
 
@@ -180,12 +180,14 @@ impl Grid {
         if self.swap { Point { x: b, y: a } } else { Point { x: a, y: b } }
     }
 
-    fn region(&self, polygons: Vec<trace::Rings>) -> Region {
-        let ring = |corners: Vec<Corner>| -> Ring {
-            let points = corners.into_iter().map(|c| self.point(c));
-            if self.mirrored { points.rev().collect() } else { points.collect() }
+    fn region(&self, polygons: Vec<trace::Rings<Point>>) -> Region {
+        let turned = |mut rings: Vec<Ring>| {
+            if self.mirrored {
+                rings.iter_mut().for_each(|ring| ring.reverse());
+            }
+            Polygon { rings }
         };
-        polygons.into_iter().map(|rings| Polygon { rings: rings.into_iter().map(ring).collect() }).collect()
+        polygons.into_iter().map(turned).collect()
     }
 }
 

@@ -34,8 +34,9 @@ pub(super) const MAX_CORNERS: usize = 1 << 22;
 /// A corner of pixels: columns from the left, rows from the top.
 pub(super) type Corner = [u32; 2];
 
-/// The outer ring, counter-clockwise as seen, and the holes, clockwise.
-pub(super) type Rings = Vec<Vec<Corner>>;
+/// The outer ring, counter-clockwise as seen, and the holes, clockwise: of corners, or
+/// of what was made of them.
+pub(super) type Rings<P> = Vec<Vec<P>>;
 
 const NONE: u32 = u32::MAX;
 
@@ -223,54 +224,57 @@ impl Trace {
         older
     }
 
-    /// The polygons, in the order of their first corners from the top.
-    pub(super) fn polygons(mut self) -> Result<Vec<Rings>, TooFine> {
+    /// The polygons, in the order of their first corners from the top, of points that
+    /// `place` makes of corners.
+    pub(super) fn polygons<P>(mut self, place: impl Fn(Corner) -> P) -> Result<Vec<Rings<P>>, TooFine> {
         self.row(&[])?;
-        let mut polygons: Vec<Rings> = Vec::new();
+        let mut polygons: Vec<Rings<P>> = Vec::new();
         let mut of_piece = vec![NONE; self.parent.len()];
-        let mut rings = Vec::new();
+        let mut path = Vec::new();
         for start in 0..self.corners.len() {
             if self.next[start] == NONE {
                 continue;
             }
-            self.ring(start as u32, &mut rings);
             let root = self.root(self.piece[start]) as usize;
             if of_piece[root] == NONE {
                 of_piece[root] = polygons.len() as u32;
                 polygons.push(vec![Vec::new()]);
             }
             let polygon = &mut polygons[of_piece[root] as usize];
-            for ring in rings.drain(..) {
-                if turns_left(&ring) { polygon[0] = ring } else { polygon.push(ring) }
-            }
+            self.ring(start as u32, &mut path, |ring| {
+                let placed = ring.iter().map(|&(_, corner)| place(corner)).collect();
+                if turns_left(ring) { polygon[0] = placed } else { polygon.push(placed) }
+            });
         }
         Ok(polygons)
     }
 
-    /// Follows a ring from a corner to itself, cut where it touches itself.
-    fn ring(&mut self, start: u32, rings: &mut Vec<Vec<Corner>>) {
-        let mut path: Vec<u32> = Vec::new();
+    /// Follows a ring from a corner to itself, cut where it touches itself, and shows
+    /// each simple ring of it. `path` is room to work in.
+    fn ring(&mut self, start: u32, path: &mut Vec<(u32, Corner)>, mut show: impl FnMut(&[(u32, Corner)])) {
+        path.clear();
         // Corners of the path that share their point with another, and where they stand in it.
         let mut shared: FxHashMap<u32, usize> = FxHashMap::default();
         let mut at = start;
         loop {
             let twin = self.twin(at);
-            let met = twin.and_then(|t| shared.get(&t).copied().filter(|&k| path.get(k) == Some(&t)));
+            let stands = |&k: &usize| path.get(k).is_some_and(|c| Some(c.0) == twin);
+            let met = twin.and_then(|t| shared.get(&t).copied()).filter(stands);
             if let Some(k) = met {
-                rings.push(path[k..].iter().map(|&c| self.corners[c as usize]).collect());
+                show(&path[k..]);
                 path.truncate(k + 1);
             } else {
                 if twin.is_some() {
                     shared.insert(at, path.len());
                 }
-                path.push(at);
+                path.push((at, self.corners[at as usize]));
             }
             at = std::mem::replace(&mut self.next[at as usize], NONE);
             if at == start {
                 break;
             }
         }
-        rings.push(path.iter().map(|&c| self.corners[c as usize]).collect());
+        show(path);
     }
 
     /// The other corner in the same point: made just before or just after.
@@ -282,10 +286,10 @@ impl Trace {
 }
 
 /// Whether a ring runs counter-clockwise as seen, with rows downwards.
-fn turns_left(ring: &[Corner]) -> bool {
-    let Some(&(mut last)) = ring.last() else { return false };
+fn turns_left(ring: &[(u32, Corner)]) -> bool {
+    let Some(&(_, mut last)) = ring.last() else { return false };
     let mut area = 0_i64;
-    for &corner in ring {
+    for &(_, corner) in ring {
         // Edges along columns alone: the others sweep none of the area to their left.
         area += i64::from(corner[0]) * (i64::from(corner[1]) - i64::from(last[1]));
         last = corner;
@@ -302,7 +306,7 @@ mod tests {
     /// Rows of a picture; `#` is bright.
     type Bits = Vec<Vec<bool>>;
 
-    fn traced(bits: &Bits) -> Vec<Rings> {
+    fn traced(bits: &Bits) -> Vec<Rings<Corner>> {
         let mut trace = Trace::default();
         for row in bits {
             let row: Vec<u8> = row.iter().map(|&b| if b { 255 } else { 0 }).collect();
@@ -310,7 +314,7 @@ mod tests {
             super::super::runs::changes(&row, &mut columns);
             trace.row(&columns).expect("a small picture");
         }
-        trace.polygons().expect("a small picture")
+        trace.polygons(|c| c).expect("a small picture")
     }
 
     fn art(rows: &[&str]) -> Bits {
@@ -371,7 +375,8 @@ mod tests {
         for rings in &polygons {
             let mut own = vec![vec![false; width]; height];
             for (i, ring) in rings.iter().enumerate() {
-                assert_eq!(turns_left(ring), i == 0, "ring {i} of {rings:?}");
+                let numbered: Vec<(u32, Corner)> = ring.iter().map(|&c| (0, c)).collect();
+                assert_eq!(turns_left(&numbered), i == 0, "ring {i} of {rings:?}");
                 let points: BTreeSet<&Corner> = ring.iter().collect();
                 assert_eq!(points.len(), ring.len(), "a ring touches itself: {ring:?}");
                 for (k, corner) in ring.iter().enumerate() {
@@ -401,7 +406,7 @@ mod tests {
 
     #[test]
     fn rings_follow_the_edges_of_pixels() {
-        let check = |rows: &[&str], expect: &[Rings]| {
+        let check = |rows: &[&str], expect: &[Rings<Corner>]| {
             let bits = art(rows);
             assert_eq!(traced(&bits), expect, "{rows:#?}");
             must_hold(&bits);
