@@ -9,9 +9,9 @@ use std::io::Cursor;
 /// Most pixels along a side. The largest panels sold have 15,360 × 8,640.
 pub const MAX_SIDE_PX: u32 = 16_384;
 
-/// Most pixels of an interlaced picture, which must be held as a whole. No slicer
-/// interlaces.
-pub const MAX_INTERLACED_PX: u64 = 1 << 26;
+/// Most pixels of an interlaced picture, which must be held as a whole: 64 MB at four
+/// bytes. No slicer interlaces.
+pub const MAX_INTERLACED_PX: u64 = 1 << 24;
 
 /// What the PNG reader may hold besides the rows: chunk buffers.
 const MAX_PNG_BYTES: usize = 8 << 20;
@@ -268,7 +268,7 @@ fn named(colour: ColorType) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::resin::testing::{grey, picture};
+    use crate::resin::testing::{grey, header, picture};
     use png::BitDepth;
     use proptest::prelude::*;
 
@@ -319,23 +319,13 @@ mod tests {
         check(PANEL, &header(100_000, 100_000), &["100000 × 100000 px", "16384"]);
         check(PANEL, &header(1, u32::MAX), &["1 × 4294967295 px"]);
         check(PANEL, &header(3, 2), &["cannot be read"]);
+        let large = Panel { width_px: 16_384, height_px: 1025, packing: Packing::Grey };
+        check(large, &interlaced(16_384, 1025, &[]), &["interlaced", "16777216 px"]);
         let red: Vec<u8> = (0..18).map(|i| if i == 12 { 9 } else { 0 }).collect();
         check(PANEL, &picture(3, 2, Rgb, Eight, &red), &["RGB", "column 1, row 1"]);
         let ghost = picture(3, 2, GrayscaleAlpha, Eight, &[0; 12]);
         check(PANEL, &ghost, &["transparency", "column 0, row 0"]);
         check(SUBPIXELS, &grey(1, 2, &[0; 2]), &["picture is grey"]);
-    }
-
-    /// A PNG that is nothing but a header.
-    fn header(width: u32, height: u32) -> Vec<u8> {
-        let mut png = grey(1, 1, &[0]);
-        png[16..20].copy_from_slice(&width.to_be_bytes());
-        png[20..24].copy_from_slice(&height.to_be_bytes());
-        let mut crc = flate2::Crc::new();
-        crc.update(&png[12..29]);
-        png[29..33].copy_from_slice(&crc.sum().to_be_bytes());
-        png.truncate(33);
-        png
     }
 
     #[test]
@@ -344,20 +334,17 @@ mod tests {
         assert!(matches!(size_px(&header(16_385, 1)), Err(ImageError::TooLarge { .. })));
     }
 
-    /// Adam7 of one 8-bit grey picture of 3 × 2 px, packed without compression.
-    #[test]
-    fn interlaced_pictures_are_read() {
-        // Passes: 1 (0,0) · 4 (2,0) · 6 (1,0) · 7 row 1.
-        let passes = [0, 10, 0, 12, 0, 11, 0, 20, 21, 22];
+    /// A picture that is interlaced (Adam7), of the passes' rows with their filters.
+    fn interlaced(width: u32, height: u32, passes: &[u8]) -> Vec<u8> {
         let mut packed = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::none());
-        std::io::Write::write_all(&mut packed, &passes).expect("packed");
+        std::io::Write::write_all(&mut packed, passes).expect("packed");
         let packed = packed.finish().expect("packed");
-        let mut png = header(3, 2);
-        png[28] = 1;
-        let mut crc = flate2::Crc::new();
-        crc.update(&png[12..29]);
-        png[29..33].copy_from_slice(&crc.sum().to_be_bytes());
-        for (kind, bytes) in [(b"IDAT", &packed[..]), (b"IEND", &[])] {
+        let mut png = header(width, height);
+        let mut head = png.split_off(16);
+        head.truncate(13);
+        head[12] = 1;
+        png.truncate(8);
+        for (kind, bytes) in [(b"IHDR", &head[..]), (b"IDAT", &packed), (b"IEND", &[])] {
             let mut crc = flate2::Crc::new();
             crc.update(kind);
             crc.update(bytes);
@@ -366,6 +353,13 @@ mod tests {
             png.extend(bytes);
             png.extend(crc.sum().to_be_bytes());
         }
+        png
+    }
+
+    #[test]
+    fn interlaced_pictures_are_read() {
+        // Passes: 1 (0,0) · 4 (2,0) · 6 (1,0) · 7 row 1; the others are empty.
+        let png = interlaced(3, 2, &[0, 10, 0, 12, 0, 11, 0, 20, 21, 22]);
         assert_eq!(PANEL.image(&png).expect("read").pixels, [10, 11, 12, 20, 21, 22]);
     }
 
