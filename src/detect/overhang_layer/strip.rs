@@ -10,7 +10,7 @@
 //! of its points by a straight way inside the piece. The others come in runs; only these
 //! are left to booleans, with the held edges beside them, so that nothing far away and
 //! nothing across a gap is asked. Where a piece cannot be zipped nothing is said.
-use super::held::{Residual, V, at, cross, distance_2, minus};
+use super::held::{Edge, Residual, V, at, cross, distance_2, minus};
 use crate::layers::shape::{Point, Ring};
 
 /// A triangle may be turned the wrong way by this, grid steps, since booleans round.
@@ -31,6 +31,8 @@ pub(super) struct Run {
     pub(super) from: usize,
     /// Number of held edges within reach.
     pub(super) edges: usize,
+    /// Its free edges.
+    pub(super) free: Vec<Edge>,
 }
 
 /// Two chains with the piece between them. Along the piece's border `held` comes first.
@@ -108,7 +110,8 @@ impl Strip {
             (low, high) = (0, last);
         }
         let from = (self.from + low) % self.around;
-        Run { ring: tidy(ring), of: self.of, from, edges: high - low }
+        let free = self.free[open.1..=shut.1].windows(2).map(|e| (at(e[0]), at(e[1]))).collect();
+        Run { ring: tidy(ring), of: self.of, from, edges: high - low, free }
     }
 }
 
