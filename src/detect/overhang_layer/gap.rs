@@ -2,9 +2,10 @@
 //!
 //! A sector over a held edge may leave the piece through a free edge and come back in
 //! through another, across a slot or behind a corner. Where a free edge turns its outer side to
-//! the held one within reach, that can be; there the sector is cut to the part of the
-//! piece that hangs together with the edge inside the sector. So no gap is jumped, and
-//! around a corner distance is measured straight. Everywhere else the sector stands.
+//! the held one within reach, that can be; there the edge holds what hangs together with it
+//! among all that lies in the piece and within reach of it, in short parts of the
+//! edge. So no gap is jumped, and around a corner distance is measured straight, the
+//! same rule as that of the images. Everywhere else the sector stands.
 use super::held::{Edge, NEAR, Sector, at, cross, distance_2, minus};
 use crate::detect::overlap::sweep;
 use crate::layers::polygon::within;
