@@ -3,8 +3,9 @@
 //! `overhang_agreement LAYER_MM ANGLE_DEG PIXEL_MM FILE.stl…`: for each model the overhanging
 //! area by polygons and by images of the same layers, with the same conditional growth.
 //! *Total* compares the sums. *By layer* adds up the differences of each layer, so that no
-//! layer makes up for another. *By place* is the area that only one of the two reports,
-//! over the area that either does; images have steps of a pixel there, polygons have not.
+//! layer makes up for another. *By place* is the area that only one of the two reports
+//! over the area that either does, with the polygons looked at as an image: a pixel is
+//! theirs if its centre is. (Without that, the steps of the pixels alone would be the difference.)
 #![allow(clippy::print_stdout)]
 use outrigger::detect::links::links;
 use outrigger::detect::overhang::{Growth, Piece, SelfSupport};
@@ -53,8 +54,9 @@ fn compare(below: &Layer, layer: &Layer, rules: &SelfSupport, pixel_mm: f64) -> 
     let region = |pieces: Vec<Piece>| -> Region { pieces.into_iter().map(|p| p.polygon).collect() };
     let polygons = region(overhang_layer::pieces(below, layer, &links, rules, Growth::Conditional));
     let images = region(overhang_image::pieces(below, layer, &links, reach, Growth::Conditional, pixel_mm));
-    let only = difference(&polygons, &images).area_mm2() + difference(&images, &polygons).area_mm2();
-    let both = intersection(&polygons, &images).area_mm2();
+    let seen = Region { polygons: overhang_image::pixels(&polygons.polygons, pixel_mm) };
+    let only = difference(&seen, &images).area_mm2() + difference(&images, &seen).area_mm2();
+    let both = intersection(&seen, &images).area_mm2();
     let (a, b) = (polygons.area_mm2(), images.area_mm2());
     [a, b, (a - b).abs(), only, only + both]
 }
