@@ -15,8 +15,8 @@
 //!   below it) meets it, since a shortest way leaves the layer below for the last time
 //!   there and stays in the piece. Each residual piece is decided by itself.
 //!
-//! Most of a residual piece is *proved* held first ([`strip`]), which spares the offset;
-//! what is left after the offset of the rest may be bridged ([`bridge`]).
+//! Most of a residual piece is *proved* held first (`strip`), which spares the offset;
+//! what is left after the offset of the rest may be bridged (`bridge`).
 //!
 //! Islands in the layer where they appear overhang whole; their pieces say so.
 mod bridge;
