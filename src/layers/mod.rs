@@ -5,6 +5,7 @@
 //!
 //! # Layout
 //! - [`shape`]: points on a grid, polygons with holes, their measures
+//! - [`tidy`]: rings rid of points that say nothing
 //! - [`outline`]: what a round nozzle sweeps
 //! - [`polygon`]: booleans, predicates and offsets; alone names the polygon libraries
 //! - [`nest`]: rings that do not meet become polygons without a boolean
@@ -18,3 +19,4 @@ pub mod outline;
 pub mod polygon;
 pub mod shape;
 pub mod stack;
+mod tidy;

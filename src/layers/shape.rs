@@ -25,7 +25,7 @@ pub type Ring = Vec<Point>;
 /// A connected piece: one outer ring, counter-clockwise, and its holes, clockwise.
 ///
 /// Rings are simple. Two rings of a polygon may touch in points, never along an edge.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Polygon {
     /// The outer ring first, then the holes.
     pub rings: Vec<Ring>,
@@ -99,11 +99,57 @@ impl Bounds {
             && other.min.y < self.max.y
     }
 
+    /// Whether they share a point, if only of their borders.
+    #[must_use]
+    pub fn touch(self, other: Bounds) -> bool {
+        self.min.x <= other.max.x
+            && other.min.x <= self.max.x
+            && self.min.y <= other.max.y
+            && other.min.y <= self.max.y
+    }
+
     /// `[[min x, min y], [max x, max y]]`, mm.
     #[must_use]
     pub fn mm(self) -> [[f64; 2]; 2] {
         [self.min.mm(), self.max.mm()]
     }
+}
+
+/// Where a point lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Strictly inside.
+    Inside,
+    /// On a ring.
+    Border,
+    /// Strictly outside, in a hole perhaps.
+    Outside,
+}
+
+/// Where a point lies by the even-odd rule of some rings. Exact; takes time in
+/// proportion to the number of vertices.
+fn place<'a>(p: Point, rings: impl IntoIterator<Item = &'a Ring>) -> Place {
+    let mut within = false;
+    for ring in rings {
+        let Some(&last) = ring.last() else { continue };
+        let mut a = last;
+        for &b in ring {
+            if (a.y > p.y) != (b.y > p.y) {
+                let (low, high) = if a.y < b.y { (a, b) } else { (b, a) };
+                let along = |q: Point| (i64::from(q.x) - i64::from(low.x), i64::from(q.y) - i64::from(low.y));
+                let ((hx, hy), (px, py)) = (along(high), along(p));
+                match (hx * py - hy * px).cmp(&0) {
+                    std::cmp::Ordering::Greater => within = !within,
+                    std::cmp::Ordering::Equal => return Place::Border,
+                    std::cmp::Ordering::Less => {}
+                }
+            } else if b == p || a.y == p.y && b.y == p.y && (a.x.min(b.x)..=a.x.max(b.x)).contains(&p.x) {
+                return Place::Border;
+            }
+            a = b;
+        }
+    }
+    if within { Place::Inside } else { Place::Outside }
 }
 
 /// Twice the signed area of a ring in grid steps squared; positive when counter-clockwise.
@@ -132,6 +178,12 @@ impl Polygon {
     #[must_use]
     pub fn bounds(&self) -> Bounds {
         self.rings.first().map_or(Bounds::EMPTY, |r| Bounds::of(r))
+    }
+
+    /// Where a point lies, exactly.
+    #[must_use]
+    pub fn place(&self, p: Point) -> Place {
+        place(p, &self.rings)
     }
 
     /// Number of vertices.
@@ -205,6 +257,12 @@ impl Region {
         self.polygons.is_empty()
     }
 
+    /// Where a point lies, exactly.
+    #[must_use]
+    pub fn place(&self, p: Point) -> Place {
+        place(p, self.rings())
+    }
+
     /// All rings.
     pub fn rings(&self) -> impl Iterator<Item = &Ring> {
         self.polygons.iter().flat_map(|p| p.rings.iter())
@@ -245,5 +303,31 @@ mod tests {
         let ring =
             [Point { x: -m, y: -m }, Point { x: m, y: -m }, Point { x: m, y: m }, Point { x: -m, y: m }];
         assert_eq!(twice_area(&ring), 8 * i128::from(m) * i128::from(m));
+    }
+
+    #[test]
+    fn points_are_placed_exactly() {
+        let mut hole = rectangle([1.0, 3.0], [1.0, 3.0]);
+        hole.reverse();
+        let polygon = Polygon { rings: vec![rectangle([0.0, 4.0], [0.0, 4.0]), hole] };
+        let check = |x: f64, y: f64, expect: Place| {
+            assert_eq!(polygon.place(Point::from_mm(x, y)), expect, "{x} {y}");
+        };
+        check(0.5, 0.5, Place::Inside);
+        check(0.5, 1.0, Place::Inside);
+        check(2.0, 2.0, Place::Outside);
+        check(-1.0, 1.0, Place::Outside);
+        check(5.0, 0.0, Place::Outside);
+        for (x, y) in [(0.0, 0.0), (4.0, 4.0), (2.0, 0.0), (0.0, 3.0), (1.0, 1.0), (3.0, 2.0), (2.0, 3.0)] {
+            check(x, y, Place::Border);
+        }
+        // One step beside a long slanting edge, and on it.
+        let m = MAX_COORDINATE;
+        let edge = vec![Point { x: -m, y: -m }, Point { x: m, y: m - 1 }, Point { x: -m, y: m }];
+        let edge = Polygon { rings: vec![edge] };
+        assert_eq!(edge.place(Point { x: 1 - m, y: 1 - m }), Place::Inside);
+        assert_eq!(edge.place(Point { x: 0, y: -1 }), Place::Outside);
+        assert_eq!(edge.place(Point { x: 0, y: 0 }), Place::Inside);
+        assert_eq!(edge.place(Point { x: -m, y: 7 }), Place::Border);
     }
 }

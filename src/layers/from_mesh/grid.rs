@@ -83,8 +83,21 @@ pub(super) fn check(mesh: &Mesh) -> Result<(), SliceError> {
     }
 }
 
-/// The planes that cross a triangle.
-pub(super) fn span(corners: &[Corner], triangle: [u32; 3]) -> std::ops::Range<u32> {
-    let [a, b, c] = triangle.map(|v| corners[v as usize].level);
-    a.min(b).min(c)..a.max(b).max(c)
+/// The planes that cross each triangle: from the first to the one past the last.
+pub(super) fn spans(corners: &[Corner], triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let span = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|v| corners[v as usize].level);
+        [a.min(b).min(c), a.max(b).max(c)]
+    };
+    triangles.par_iter().map(span).collect()
+}
+
+/// The lowest and the highest z of all triangles, grid steps: vertices that no
+/// triangle uses do not count.
+pub(super) fn reach(corners: &[Corner], triangles: &[[u32; 3]]) -> [i32; 2] {
+    let of = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|v| corners[v as usize].z);
+        [a.min(b).min(c), a.max(b).max(c)]
+    };
+    triangles.par_iter().map(of).reduce(|| [i32::MAX, i32::MIN], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }

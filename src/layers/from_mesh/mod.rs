@@ -12,11 +12,11 @@
 //! - [`sweep`]: which triangles each plane crosses, batch by batch
 //! - [`walk`]: the contours of one plane
 //! - [`join`]: open contours closed
-//! - [`tidy`]: points that say nothing taken out
 use super::nest::Nester;
 use super::polygon::{self, Inside};
 use super::shape::{Region, UNITS_PER_MM};
 use super::stack::{Layer, Layers};
+use super::tidy::tidy;
 use crate::mesh::Mesh;
 use grid::Corner;
 pub use heights::{LayerHeights, MAX_LAYER_MM, MAX_LAYERS, MIN_LAYER_MM};
@@ -30,7 +30,6 @@ mod grid;
 mod heights;
 mod join;
 mod sweep;
-mod tidy;
 mod walk;
 
 /// Why a mesh cannot be sliced.
@@ -147,7 +146,7 @@ impl<'a> FromMesh<'a> {
     /// The plane of a layer is its middle, rounded to the grid, and the last layer
     /// is the last whose plane lies below the top of the mesh.
     ///
-    /// Takes 16 bytes a vertex and at most 4 a triangle beside the mesh itself.
+    /// Takes 16 bytes a vertex and at most 12 a triangle beside the mesh itself.
     ///
     /// # Errors
     /// Heights out of range, a mesh without triangles, too flat, too large, below the
@@ -155,15 +154,13 @@ impl<'a> FromMesh<'a> {
     pub fn new(mesh: &'a Mesh, heights: LayerHeights) -> Result<FromMesh<'a>, SliceError> {
         grid::check(mesh)?;
         let mut corners = grid::corners(mesh)?;
-        // Vertices that no triangle uses do not count.
-        let used = || mesh.triangles.iter().flatten().map(|&v| corners[v as usize].z);
-        let (bottom, top) = (used().min().unwrap_or_default(), used().max().unwrap_or_default());
+        let [bottom, top] = grid::reach(&corners, &mesh.triangles);
         if bottom < 0 {
             return Err(SliceError::BelowPlate { mm: f64::from(-bottom) / UNITS_PER_MM });
         }
         let planes = heights::planes(heights, top)?;
         grid::set_levels(&mut corners, &planes);
-        let sweep = Sweep::new(&corners, &mesh.triangles, planes.len());
+        let sweep = Sweep::new(grid::spans(&corners, &mesh.triangles), planes.len());
         Ok(FromMesh {
             mesh,
             heights,
@@ -199,7 +196,7 @@ impl<'a> FromMesh<'a> {
         let mut rings = contours.closed;
         rings.extend(joined.rings.iter().cloned());
         rings.retain_mut(|ring| {
-            tidy::tidy(ring);
+            tidy(ring);
             !ring.is_empty()
         });
         let nested = scratch.nester.nest(&rings);
@@ -233,13 +230,13 @@ impl Layers for FromMesh<'_> {
 
     fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, Infallible> {
         let mut sweep = std::mem::take(&mut self.sweep);
-        let crossed = self.ready.take().or_else(|| sweep.next(&self.corners, &self.mesh.triangles));
+        let crossed = self.ready.take().or_else(|| sweep.next());
         let Some(crossed) = crossed else { return Ok(None) };
         let cut = |n: usize| self.cut(n, crossed.by_plane(n));
         // Finding the next batch's triangles is no work to share, but it need not be waited for.
         let (cuts, ready) = rayon::join(
             || crossed.planes.clone().into_par_iter().map(cut).collect::<Vec<Cut>>(),
-            || sweep.next(&self.corners, &self.mesh.triangles),
+            || sweep.next(),
         );
         (self.sweep, self.ready) = (sweep, ready);
         Ok(Some(cuts.into_iter().map(|cut| self.note(cut)).collect()))

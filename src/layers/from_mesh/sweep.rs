@@ -1,9 +1,8 @@
 //! Which triangles each plane crosses, found batch by batch on the way up.
 //!
-//! Takes the levels of the corners, gives for each plane of a batch the triangles that
+//! Takes the planes that cross each triangle, gives for each plane of a batch the triangles that
 //! it crosses. Memory is bounded by the mesh and by what one batch crosses, however
 //! tall the triangles are. Knows no coordinate.
-use super::grid::{Corner, span};
 use std::ops::Range;
 
 /// Most layers in a batch: few enough that a progress bar moves.
@@ -16,6 +15,8 @@ const BATCH_CROSSINGS: u64 = 1 << 20;
 /// The sweep over the planes.
 #[derive(Debug, Default)]
 pub(super) struct Sweep {
+    /// For each triangle the first plane that crosses it, and the one past the last.
+    spans: Vec<[u32; 2]>,
     /// Triangles that some plane crosses; those that plane `p` crosses first are
     /// `order[begin[p]..begin[p + 1]]`, in the order of the mesh.
     order: Vec<u32>,
@@ -46,16 +47,13 @@ impl Crossed {
 }
 
 impl Sweep {
-    /// Triangles in the order of the planes, of which there are so many.
-    pub(super) fn new(corners: &[Corner], triangles: &[[u32; 3]], planes: usize) -> Sweep {
+    /// Puts triangles in the order of the planes, of which there are so many.
+    pub(super) fn new(spans: Vec<[u32; 2]>, planes: usize) -> Sweep {
         let mut begin = vec![0_u32; planes + 1];
         let mut ends = vec![0_u32; planes + 1];
-        for &triangle in triangles {
-            let span = span(corners, triangle);
-            if !span.is_empty() {
-                begin[span.start as usize] += 1;
-                ends[span.end as usize] += 1;
-            }
+        for &[first, end] in spans.iter().filter(|s| s[0] < s[1]) {
+            begin[first as usize] += 1;
+            ends[end as usize] += 1;
         }
         let (mut crossed, mut placed) = (0, 0);
         let mut crossings = Vec::with_capacity(planes);
@@ -67,15 +65,12 @@ impl Sweep {
         crossings.truncate(planes);
         let mut order = vec![0_u32; placed as usize];
         let mut next = begin.clone();
-        for (t, &triangle) in (0_u32..).zip(triangles) {
-            let span = span(corners, triangle);
-            if !span.is_empty() {
-                let place = &mut next[span.start as usize];
-                order[*place as usize] = t;
-                *place += 1;
-            }
+        for (t, &[first, _]) in (0_u32..).zip(&spans).filter(|(_, s)| s[0] < s[1]) {
+            let place = &mut next[first as usize];
+            order[*place as usize] = t;
+            *place += 1;
         }
-        Sweep { order, begin, crossings, active: Vec::new(), next: 0 }
+        Sweep { spans, order, begin, crossings, active: Vec::new(), next: 0 }
     }
 
     /// How many triangles all planes cross in all.
@@ -95,7 +90,7 @@ impl Sweep {
     }
 
     /// The next batch; `None` after the last plane.
-    pub(super) fn next(&mut self, corners: &[Corner], triangles: &[[u32; 3]]) -> Option<Crossed> {
+    pub(super) fn next(&mut self) -> Option<Crossed> {
         if self.next == self.crossings.len() {
             return None;
         }
@@ -110,13 +105,13 @@ impl Sweep {
             &self.order[self.begin[planes.start] as usize..self.begin[planes.end] as usize],
         );
         self.active.retain(|&t| {
-            let span = span(corners, triangles[t as usize]);
-            for p in (span.start as usize).max(planes.start)..(span.end as usize).min(planes.end) {
+            let [first, end] = self.spans[t as usize].map(|p| p as usize);
+            for p in first.max(planes.start)..end.min(planes.end) {
                 let place = &mut place[p - planes.start];
                 crossed[*place] = t;
                 *place += 1;
             }
-            span.end as usize > planes.end
+            end > planes.end
         });
         self.next = planes.end;
         Some(Crossed { planes, triangles: crossed, begin })

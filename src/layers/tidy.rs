@@ -3,7 +3,7 @@
 //!
 //! Takes a closed ring, leaves one that encloses the same points, exactly; or none,
 //! where it encloses nothing. Knows no other ring.
-use crate::layers::shape::{Point, Ring};
+use super::shape::{Point, Ring};
 
 /// Whether a ring bends at `b`.
 fn bends(a: Point, b: Point, c: Point) -> bool {
@@ -13,7 +13,7 @@ fn bends(a: Point, b: Point, c: Point) -> bool {
 }
 
 /// Takes out every point at which the ring does not bend; empties a ring that never does.
-pub(super) fn tidy(ring: &mut Ring) {
+pub(crate) fn tidy(ring: &mut Ring) {
     let mut kept = 0;
     for k in 0..ring.len() {
         let point = ring[k];
