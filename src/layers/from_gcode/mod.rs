@@ -99,7 +99,7 @@ pub enum GcodeError {
         z_mm: f64,
     },
     /// Lines that cross each other everywhere.
-    #[error("the beads of the layer at Z {z_mm:.3} mm cross each other millions of times: this is no print")]
+    #[error("the beads of the layer at Z {z_mm:.3} mm cross each other everywhere: this is no print")]
     Tangled {
         /// Height where the layer ends, mm.
         z_mm: f64,
