@@ -30,7 +30,7 @@ const ONLY: &[(&str, &[&str])] = &[
     ("geo_types", &["src/layers/polygon.rs"]),
     ("indicatif", &["src/cli/"]),
     ("clap", &["src/cli/"]),
-    ("std::fs", &["src/cli/", "src/printer/", "src/profile"]),
+    ("std::fs", &["src/cli/", "src/printer/", "src/profile", "src/layers/from_gcode/tests.rs"]),
     ("std::time::Instant", &["src/cli/", "src/printer/port.rs", "src/printer/drive.rs", "src/printer/mock/"]),
 ];
 

@@ -58,7 +58,7 @@ mod tests {
         let line = |k: usize, n: usize| {
             let t = k as f64 / n as f64;
             let at = |v: f64| (v * 2_000_000.0) as i32;
-            if k % 2 == 0 {
+            if k.is_multiple_of(2) {
                 vec![Point { x: at(t), y: 0 }, Point { x: at(1.0 - t), y: at(1.0) }]
             } else {
                 vec![Point { x: 0, y: at(t) }, Point { x: at(1.0), y: at(1.0 - t) }]
