@@ -32,7 +32,7 @@ const ONLY: &[(&str, &[&str])] = &[
     ("crc32fast", &["gcode/src/bgcode/"]),
     ("indicatif", &["src/cli/"]),
     ("clap", &["src/cli/"]),
-    ("std::fs", &["src/cli/", "src/printer/", "src/profile"]),
+    ("std::fs", &["src/cli/", "src/printer/", "src/profile", "src/layers/from_gcode/tests.rs"]),
     ("std::time::Instant", &["src/cli/", "src/printer/port.rs", "src/printer/drive.rs", "src/printer/mock/"]),
 ];
 

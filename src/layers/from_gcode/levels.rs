@@ -324,7 +324,7 @@ fn levels(trace: &Trace, passes: &[Pass], thickness: &[i32], ground: i32) -> Vec
     let solid = merged(solid);
     let alone = |z: i32| {
         let k = solid.partition_point(|&[_, top]| top < z - NEAR);
-        !solid.get(k).is_some_and(|&[bottom, _]| bottom + NEAR < z)
+        solid.get(k).is_none_or(|&[bottom, _]| bottom + NEAR >= z)
     };
     for class in [Class::Support, Class::Aid] {
         let own = sheets().filter(|(s, _)| s.key.class == class).map(|(s, _)| s.key.top);

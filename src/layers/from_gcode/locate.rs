@@ -90,9 +90,7 @@ impl Locator {
     fn sort_into_rows(&mut self, rows: usize) {
         let mut counts = vec![0_usize; rows];
         for edge in &self.edges {
-            for row in self.row(edge.low.y)..=self.row(edge.high.y) {
-                counts[row] += 1;
-            }
+            counts[self.row(edge.low.y)..=self.row(edge.high.y)].iter_mut().for_each(|count| *count += 1);
         }
         let mut at = 0;
         for (row, count) in counts.iter().enumerate() {
@@ -101,13 +99,14 @@ impl Locator {
         }
         self.starts[rows] = at;
         let mut next = self.starts.clone();
-        self.rows = vec![0; at];
+        let mut rows_of_edges = vec![0; at];
         for (k, edge) in self.edges.iter().enumerate() {
-            for row in self.row(edge.low.y)..=self.row(edge.high.y) {
-                self.rows[next[row]] = k as u32;
-                next[row] += 1;
+            for at in &mut next[self.row(edge.low.y)..=self.row(edge.high.y)] {
+                rows_of_edges[*at] = k as u32;
+                *at += 1;
             }
         }
+        self.rows = rows_of_edges;
     }
 
     /// From the left to the right: what lies to the left of a polygon is known before it.

@@ -99,7 +99,7 @@ pub enum GcodeError {
         z_mm: f64,
     },
     /// Lines that cross each other everywhere.
-    #[error("the beads of the layer at Z {z_mm:.3} mm cross each other millions of times: this is no print")]
+    #[error("the beads of the layer at Z {z_mm:.3} mm cross each other everywhere: this is no print")]
     Tangled {
         /// Height where the layer ends, mm.
         z_mm: f64,
@@ -160,8 +160,8 @@ pub struct BeadLayers {
 /// What makes the text no job that can be checked, see [`GcodeError`].
 pub fn read(reader: impl BufRead, options: &Options) -> Result<BeadLayers, GcodeError> {
     let mut trace = trace::trace(reader)?;
-    let mut stack = levels::stack(&trace)?;
-    let facts = bead::set_widths(&mut trace, &mut stack, options);
+    let stack = levels::stack(&trace)?;
+    let facts = bead::set_widths(&mut trace, &stack, options);
     Ok(BeadLayers { trace, stack, facts, next: 0 })
 }
 

@@ -39,30 +39,28 @@ const STEPS_MAX: f64 = 400.0;
 
 /// The part and the aids of a layer; `None` where beads cross each other everywhere.
 pub(super) fn regions(trace: &Trace, paths: &[&Path]) -> Option<(Region, Region)> {
-    if tangled(paths.iter().map(|path| trace.points_of(path))) {
-        return None;
-    }
     let of = |classes: &'static [Class]| {
         paths
             .iter()
             .copied()
             .filter(move |path| classes.contains(&trace.sheets[path.sheet as usize].key.class))
     };
-    let mut part = swept(trace, of(&[Class::Part]));
+    let mut part = swept(trace, of(&[Class::Part]))?;
     let infill: Vec<&Path> = of(&[Class::Infill]).collect();
     if !infill.is_empty() {
         let (filled, outside) = fill(trace, part, &infill);
-        part = if outside.is_empty() { filled } else { union(&filled, &swept(trace, outside.into_iter())) };
+        part = if outside.is_empty() { filled } else { union(&filled, &swept(trace, outside.into_iter())?) };
     }
     drop_small_holes(&mut part);
-    let mut aid = swept(trace, of(&[Class::Support, Class::Aid]));
+    let mut aid = swept(trace, of(&[Class::Support, Class::Aid]))?;
     drop_small_holes(&mut aid);
     Some((part, aid))
 }
 
 /// Paths swept with their widths and united. Those that go on where the one before
-/// ended, with its width (the turns of a spiral), are swept as one.
-fn swept<'a>(trace: &Trace, paths: impl Iterator<Item = &'a Path>) -> Region {
+/// ended, with its width (the turns of a spiral), are swept as one. `None` where they
+/// cross each other everywhere.
+fn swept<'a>(trace: &Trace, paths: impl Iterator<Item = &'a Path>) -> Option<Region> {
     let mut chains: Vec<(Vec<Point>, f64)> = Vec::new();
     for path in paths {
         let points = trace.points_of(path);
@@ -75,7 +73,10 @@ fn swept<'a>(trace: &Trace, paths: impl Iterator<Item = &'a Path>) -> Region {
             _ => chains.push((points.to_vec(), radius_mm)),
         }
     }
-    sweep(chains.iter().map(|(chain, radius)| (chain.as_slice(), *radius)), TOLERANCE_MM)
+    if tangled(chains.iter().map(|(chain, _)| chain.as_slice())) {
+        return None;
+    }
+    Some(sweep(chains.iter().map(|(chain, radius)| (chain.as_slice(), *radius)), TOLERANCE_MM))
 }
 
 /// Fills the holes of a region that hold infill; gives the paths that leave it besides.

@@ -6,13 +6,14 @@
 use crate::layers::shape::Point;
 
 /// Up to this many segments cross too seldom to matter.
-const FEW: usize = 1500;
+const FEW: usize = 250;
 
 /// Segments that are tried against all.
 const SAMPLE: usize = 64;
 
-/// Sparse infill of a plate of 500 mm, lines of three directions 2 mm apart, crosses some 100,000 times.
-pub(super) const CROSSINGS_MAX: usize = 4_000_000;
+/// Some seconds' work. Supports of crossed lines 2.5 mm apart on a plate of 500 mm cross
+/// 40,000 times; infill inside of walls is not swept at all.
+pub(super) const CROSSINGS_MAX: usize = 60_000;
 
 /// Whether paths cross each other more often than [`CROSSINGS_MAX`], estimated.
 pub(super) fn tangled<'a>(paths: impl Iterator<Item = &'a [Point]> + Clone) -> bool {
@@ -57,7 +58,7 @@ mod tests {
         let line = |k: usize, n: usize| {
             let t = k as f64 / n as f64;
             let at = |v: f64| (v * 2_000_000.0) as i32;
-            if k % 2 == 0 {
+            if k.is_multiple_of(2) {
                 vec![Point { x: at(t), y: 0 }, Point { x: at(1.0 - t), y: at(1.0) }]
             } else {
                 vec![Point { x: 0, y: at(t) }, Point { x: at(1.0), y: at(1.0 - t) }]
@@ -67,9 +68,9 @@ mod tests {
             let paths: Vec<Vec<Point>> = (0..n).map(|k| line(k, n)).collect();
             assert_eq!(tangled(paths.iter().map(Vec::as_slice)), expect, "{n}");
         };
-        check(1000, false);
-        check(2000, false);
-        check(6000, true);
+        check(200, false);
+        check(300, false);
+        check(1000, true);
         // Many short ones, side by side.
         let short: Vec<Vec<Point>> = (0..20_000)
             .map(|k| {

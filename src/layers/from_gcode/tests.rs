@@ -462,6 +462,25 @@ fn the_corpus_stands() {
     }
 }
 
+/// Jobs of other slicers, where the folder of samples is at hand: layers as many as the
+/// slicer says, and nothing begins in the air.
+#[test]
+fn jobs_of_other_slicers_stand() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/gcode-samples/other-slicers");
+    let check = |name: &str, count: usize, features: bool, relative: bool| {
+        let Ok(text) = std::fs::read(format!("{folder}/{name}.gcode")) else { return };
+        let mut job = read(text.as_slice(), &Options::default()).unwrap();
+        assert_eq!(job.facts().features_told, features, "{name}");
+        assert_eq!(job.facts().relative_e_guessed, relative, "{name}");
+        let layers = all(&mut job);
+        assert_eq!((layers.len(), begins(&layers)), (count, Vec::new()), "{name}");
+    };
+    check("ps24-m486-labels", 25, true, false);
+    check("superslicer2356", 25, true, false);
+    check("slic3r131dev", 16, false, false);
+    check("kirimoto30", 25, false, true);
+}
+
 /// Where all beads are walls and solid infill, area times height is what is extruded.
 ///
 /// Slicers lay solid lines so that each fills its share of the layer; the beads' round
