@@ -12,8 +12,6 @@ mod meshes;
 
 use common::ratio::Ratios;
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group};
-use geo_clipper::{ClipperInt, EndType, JoinType};
-use geo_types::{Coord, LineString, MultiPolygon};
 use outrigger::layers::from_mesh::{FromMesh, LayerHeights};
 use outrigger::layers::nest::Nester;
 use outrigger::layers::polygon::{self, Inside};
@@ -62,17 +60,6 @@ fn slice_only(mesh: &Mesh) -> usize {
     points
 }
 
-/// What a growing through Clipper gives, resolved no further.
-fn clipper(region: &Region, mm: f64) -> MultiPolygon<i64> {
-    let line = |ring: &Ring| -> LineString<i64> {
-        ring.iter().chain(ring.first()).map(|p| Coord { x: i64::from(p.x), y: i64::from(p.y) }).collect()
-    };
-    let polygon =
-        |rings: &Vec<Ring>| geo_types::Polygon::new(line(&rings[0]), rings[1..].iter().map(line).collect());
-    let all = MultiPolygon(region.polygons.iter().map(|p| polygon(&p.rings)).collect());
-    all.offset(mm * UNITS_PER_MM, JoinType::Round(0.002 * UNITS_PER_MM), EndType::ClosedPolygon)
-}
-
 fn benches(c: &mut Criterion) {
     let mesh = mesh();
     let crossings = FromMesh::new(&mesh, LayerHeights::even(LAYER_MM)).expect("a mesh").crossings();
@@ -108,7 +95,7 @@ fn ratios() {
         ratios.compare(
             size,
             (&format!("grow by {mm} mm"), || parts.iter().map(|r| polygon::grow(r, mm).len()).sum::<usize>()),
-            ("Clipper's offset", || parts.iter().map(|r| clipper(r, mm).0.len()).sum::<usize>()),
+            ("resolve", || parts.iter().map(resolve).sum::<usize>()),
         );
     }
     let pairs = || parts.windows(2);

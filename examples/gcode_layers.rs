@@ -41,6 +41,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 part += layer.part.area_mm2() * layer.thickness_mm();
                 aid += layer.aid.area_mm2() * layer.thickness_mm();
                 vertices += layer.part.len() + layer.aid.len();
+                if std::env::var("DUMP").is_ok_and(|n| n == layer.number.to_string()) {
+                    for (name, region) in [("part", &layer.part), ("aid", &layer.aid)] {
+                        for ring in region.rings() {
+                            let points: Vec<_> = ring.iter().map(|p| p.mm()).collect();
+                            println!("RING {name} {points:?}");
+                        }
+                    }
+                }
                 if let Some(below) = &below {
                     for polygon in &layer.part.polygons {
                         let bounds = polygon.bounds();

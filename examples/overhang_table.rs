@@ -2,8 +2,9 @@
 //!
 //! `overhang_table LAYER_MM ANGLE_DEG BRIDGE_MM PIXEL_MM FILE.stl…`; a pixel of 0 leaves
 //! the image method out.
+#![allow(clippy::print_stdout)]
 use outrigger::detect::overhang::{Growth, SelfSupport};
-use outrigger::detect::walk::{Ask, LayerAsk, Stage, Watch, walk};
+use outrigger::detect::walk::{Ask, ImageAsk, LayerAsk, Stage, Watch, walk};
 use outrigger::layers::from_mesh::{FromMesh, LayerHeights};
 use std::time::{Duration, Instant};
 
@@ -22,7 +23,7 @@ impl Watch for Clock {
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |k: usize| -> anyhow::Result<f64> { Ok(arguments[k].parse()?) };
-    let (layer_mm, angle_deg, bridge_mm) = (number(0)?, number(1)?, number(2)?);
+    let (layer_mm, angle_deg, bridge_mm, pixel_mm) = (number(0)?, number(1)?, number(2)?, number(3)?);
     let rules = SelfSupport { angle_deg, bridge_mm, min_area_mm2: 0.01 };
     for path in &arguments[4..] {
         let bytes = std::fs::read(path)?;
@@ -32,7 +33,8 @@ fn main() -> anyhow::Result<()> {
         let mut layers = FromMesh::new(&mesh, LayerHeights::even(layer_mm))?;
         let mut clock = Clock { last: Instant::now(), spent: [Duration::ZERO; 4] };
         let layer = (angle_deg > 0.0).then_some(LayerAsk { rules, growth: Growth::Conditional });
-        let found = walk(&mut layers, &Ask { min_island_mm2: 0.01, layer, image: None }, &mut clock)?;
+        let image = (pixel_mm > 0.0).then_some(ImageAsk { rules, growth: Growth::Conditional, pixel_mm });
+        let found = walk(&mut layers, &Ask { min_island_mm2: 0.01, layer, image }, &mut clock)?;
         let ms = |d: Duration| d.as_secs_f64() * 1e3;
         let [slice, islands, overhangs, _] = clock.spent;
         println!(

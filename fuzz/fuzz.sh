@@ -2,15 +2,15 @@
 # Runs one fuzz target: fuzz.sh TARGET [SECONDS]. Needs build.sh and seeds.py first. Exit 0: nothing found.
 set -euo pipefail
 cd "$(dirname "$0")"
-target=${1:?usage: fuzz.sh bgcode|gcode_line|job|reply|wire [SECONDS]}
-seconds=${2:-180}
-# Longest input: a few lines, a few layers' beginnings for a job, or a few blocks.
+target=${1:?usage: fuzz.sh archive|bgcode|gcode_line|job|reply|stl|wire [SECONDS]}
 case $target in
 gcode_line) seeds=gcode_line dict=gcode_line max_len=512 ;;
 wire) seeds=gcode_line dict=gcode_line max_len=256 ;;
 job) seeds=gcode_line dict=gcode_line max_len=2048 ;;
 bgcode) seeds=bgcode dict=bgcode max_len=4096 ;;
 reply) seeds=reply dict=reply max_len=1024 ;;
+stl) seeds=stl dict=stl max_len=4096 ;;
+archive) seeds=archive dict=archive max_len=4096 ;;
 *) echo "fuzz.sh: no target '$target'" >&2 && exit 2 ;;
 esac
 triple=$(rustc -vV | sed -n 's/^host: //p')

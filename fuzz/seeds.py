@@ -7,12 +7,16 @@ gcode_line: from each file of gcode/corpus, one line of every shape (a shape is
 the line with its digits taken out), five lines a seed, and the cases below,
 which no slicer of the corpus writes. reply: replies.txt, a reply a seed, and
 all of it at once. bgcode: the binary files of gcode/corpus, as blocks by
-themselves, with each compression and encoding, and text to be packed. Standard
-library only.
+themselves, with each compression and encoding, and text to be packed. stl: a
+block as binary, as text and as corners on the target's grid, whole and damaged.
+archive: small SL1 and NanoDLP jobs of our own, as zips and as the entries that
+archive.rs makes zips of. Standard library only.
 """
+import io
 import re
 import shutil
 import struct
+import zipfile
 import zlib
 from pathlib import Path
 
@@ -65,9 +69,66 @@ def bgcode():
     files = [path.read_bytes() for path in sorted((HERE / '../gcode/corpus').glob('*.bgcode'))]
     text = b'G1 X1.5 Y2 E.5 F300 ; a\n;TYPE:Perimeter\n\nM104 S200\nGET_POSITION\n'
     return blocks + [b''.join(blocks)] + [file[:4096] for file in files] + [bytes([how]) + text for how in range(32)]
+def stl():
+    sides = [((0, 0, 0), (0, 1, 0), (1, 1, 0), (1, 0, 0)), ((0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)),
+             ((0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)), ((1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1)),
+             ((1, 1, 0), (0, 1, 0), (0, 1, 1), (1, 1, 1)), ((0, 1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 1))]
+    block = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+    scaled = [[[4 * k for k in corner] for corner in t] for t in block]
+    inner = [[[k + 1 for k in corner] for corner in reversed(t)] for t in block]
+    soups = [block, block[1:], block[2:], block + block, block[:3] + [t[::-1] for t in block[3:]], scaled + inner, block * 3]
+    soups.append([[[k % 16 for k in corner] for corner in t] for n in range(8) for t in [[(n, 5, 0), (0, n, 6), (7, n, n)]]])
+    seeds = []
+    for soup in soups:
+        # Two bytes a corner, as the target takes them after an odd first byte.
+        seeds.append(b'\1' + b''.join(bytes((x | y << 4, z)) for t in soup for x, y, z in t))
+        triangles = b''.join(struct.pack('<12fH', 0, 0, 0, *(k for corner in t for k in corner), 0) for t in soup)
+        seeds.append(b'solid'.ljust(80) + struct.pack('<I', len(soup)) + triangles)
+        facets = ''.join('facet normal 0 0 0\nouter loop\n' + ''.join('vertex %g %g %.1e\n' % tuple(v) for v in t)
+                         + 'endloop\nendfacet\n' for t in soup[:20])
+        seeds.append(f'solid a\n{facets}endsolid a\n'.encode())
+    return seeds
+
+
+def png(width, height, rows, depth=8, colour=0):
+    def chunk(kind, data):
+        return struct.pack('>I', len(data)) + kind + data + struct.pack('>I', zlib.crc32(kind + data))
+    header = struct.pack('>IIBBBBB', width, height, depth, colour, 0, 0, 0)
+    data = zlib.compress(b''.join(b'\0' + row for row in rows))
+    return b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', header) + chunk(b'IDAT', data) + chunk(b'IEND', b'')
+
+
+def archive():
+    art = ['#.#.####', '.#..#..#', '#.#.#.##', '....####', '####.#.#', '#..#.###']
+    rows = [bytes(255 if c == '#' else i * 20 for c in row) for i, row in enumerate(art)]
+    config = b'jobDir = j\nlayerHeight = 0.05\nexpTime = 5\nexpTimeFirst = 20\nnumFade = 1\nnumFast = 2\nnumSlow = 0\n'
+    panel = (b'display_width = 0.4\ndisplay_height = 0.3\ndisplay_pixels_x = 8\ndisplay_pixels_y = 6\n'
+             b'display_orientation = landscape\ndisplay_mirror_x = 1\n')
+    options = b'{"PWidth":8,"PHeight":6,"XPixelSize":0.019,"YPixelSize":0.024,"Thickness":50,"ImageMirror":1}'
+    profile = b'{"Depth":50,"CureTime":2,"SupportCureTime":20,"SupportLayerNumber":1,"TransitionalLayer":1}'
+    grey = png(8, 6, rows)
+    rgb = png(3, 6, [row + b'\0' for row in rows], colour=2)
+    bits = png(8, 6, [bytes([i * 37]) for i in range(6)], depth=1)
+    sl1 = [('config.ini', config), ('prusaslicer.ini', panel), ('j00000.png', grey), ('j00001.png', bits)]
+    nano = [('plate.json', b'{"LayersCount":2}'), ('options.json', options), ('profile.json', profile), ('1.png', grey)]
+    # The order of NAMES in src/archive.rs.
+    names = ['config.ini', 'prusaslicer.ini', 'j00000.png', 'j00001.png', 'plate.json', 'options.json', 'slicer.json',
+             'profile.json', 'override.json', '0.png', '1.png', '2.png']
+    seeds = []
+    for job in [sl1, nano + [('2.png', grey)], nano + [('2.png', bits)], nano[:3] + [('0.png', rgb), ('1.png', rgb)]]:
+        for packed in [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED]:
+            out = io.BytesIO()
+            with zipfile.ZipFile(out, 'w', packed) as z:
+                for name, data in job:
+                    z.writestr(zipfile.ZipInfo(name), data, packed)
+            seeds.append(out.getvalue())
+        seeds.append(b''.join(struct.pack('<BH', names.index(name), len(data)) + data for name, data in job))
+    return seeds
 
 
 if __name__ == '__main__':
+    write(HERE / 'target/seeds/archive', archive())
     write(HERE / 'target/seeds/gcode_line', gcode_line())
     write(HERE / 'target/seeds/reply', reply())
     write(HERE / 'target/seeds/bgcode', bgcode())
+    write(HERE / 'target/seeds/stl', stl())

@@ -137,6 +137,17 @@ fn what_cannot_be_told_is_left() {
 }
 
 #[test]
+fn a_byte_that_meatpack_cannot_hold_is_left() {
+    // Packing is off from the beginning: the text as it is, with a comment in Latin-1.
+    let mut data = b"\xff\xff\xfa".to_vec();
+    data.extend(unpacked(&corpus(BINARY)));
+    data.extend_from_slice(b"; Bu\xffi\n");
+    let sum = Checksum::Crc32;
+    let gcode = block(Kind::GCode, &[2, 0], &data, Compression::Deflate, sum);
+    left(&[&file_header(sum)[..], &gcode].concat(), "byte 255");
+}
+
+#[test]
 fn damage_is_left() {
     let file = corpus(BINARY);
     let found = survey(&file[..]).expect("whole");

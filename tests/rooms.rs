@@ -28,6 +28,8 @@ const ONLY: &[(&str, &[&str])] = &[
     ("i_overlay", &["src/layers/polygon.rs"]),
     ("geo_clipper", &["src/layers/polygon.rs"]),
     ("geo_types", &["src/layers/polygon.rs"]),
+    ("tiny_skia", &["src/report/canvas/png.rs"]),
+    ("crc32fast", &["gcode/src/bgcode/"]),
     ("indicatif", &["src/cli/"]),
     ("clap", &["src/cli/"]),
     ("std::fs", &["src/cli/", "src/printer/", "src/profile"]),

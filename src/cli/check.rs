@@ -27,11 +27,20 @@ use std::process::ExitCode;
 /// Layers are counted from 0 at the plate. The table gives the Z at which a layer is
 /// printed; --json gives that as top_mm and the middle of the layer, where a model is
 /// cut, as z_mm.
+///
+/// Exit status: 0 when the file was checked, whatever was found; 1 when it cannot be, or
+/// when --fail-on names what was found; 2 for wrong usage.
 #[derive(ClapArgs, Debug)]
 pub(super) struct Args {
     /// The model or the job
     file: PathBuf,
     /// Write what was found as JSON; "-" is standard output
+    ///
+    /// Its fields are named with their units and only ever added to: file, kind, triangles,
+    /// layers, height_mm, bbox_mm, rules, islands and small_islands (each with layer, z_mm,
+    /// top_mm, end_layer, end_z_mm, end_top_mm, joins, area_mm2, max_area_mm2, centroid_mm,
+    /// bbox_mm), floating_supports, overhangs (method, regions, area_mm2, small_regions,
+    /// small_area_mm2, largest), overhangs_by_method, mended, warnings, seconds.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
     /// Draw what was found, by the name's ending: .svg or .png for one picture, .html
@@ -41,6 +50,12 @@ pub(super) struct Args {
     /// How overhangs are found
     #[arg(long, value_name = "METHOD", value_enum, default_value_t = Overhang::Layer)]
     overhang: Overhang,
+    /// Exit with 1 when something is found
+    #[arg(long, value_name = "FINDING", value_enum, value_delimiter = ',')]
+    fail_on: Vec<Finding>,
+    /// Say nothing unless something is wrong
+    #[arg(short, long)]
+    quiet: bool,
     #[command(flatten, next_help_heading = "Models (.stl)")]
     model: flags::Model,
     /// Diameter of the filament, for G-code that does not tell it
@@ -48,12 +63,6 @@ pub(super) struct Args {
     filament_mm: Option<f64>,
     #[command(flatten, next_help_heading = "What holds itself")]
     rules: flags::Rules,
-    /// Exit with 1 when something is found
-    #[arg(long, value_name = "FINDING", value_enum, value_delimiter = ',')]
-    fail_on: Vec<Finding>,
-    /// Say nothing unless something is wrong
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// How overhangs are found.
@@ -86,8 +95,8 @@ enum Finding {
 /// The file cannot be read or checked, or an output not be written.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     clean_up_on_signal();
-    if args.fail_on.contains(&Finding::Overhangs) && args.overhang == Overhang::None {
-        return Ok(wrong_usage("--fail-on overhangs looks for none with --overhang none"));
+    if let Some(reason) = flags::at_odds(args) {
+        return Ok(wrong_usage(&reason));
     }
     let opened = kind::open(&args.file)?;
     if let Some(reason) = flags::unfit(args, opened.kind) {
@@ -112,7 +121,7 @@ fn verdict(args: &Args, report: &Report) -> ExitCode {
         (Finding::Overhangs, overhangs, "overhangs"),
     ];
     let found = counts.iter().filter(|(finding, count, _)| *count > 0 && args.fail_on.contains(finding));
-    let words: Vec<String> = found.map(|(_, count, name)| format!("{count} {name}")).collect();
+    let words: Vec<String> = found.map(|(_, count, name)| format!("{name}: {count}")).collect();
     if words.is_empty() {
         return ExitCode::SUCCESS;
     }

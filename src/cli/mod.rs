@@ -18,8 +18,9 @@ use clap::{Parser, Subcommand};
 use std::io::Write;
 use std::process::ExitCode;
 
-/// A companion beside a 3D printer: reorders infill so that the head lifts least, proves
-/// that the job is still the same, and streams it without losing a line
+/// A companion beside a 3D printer: finds what would print in the air, reorders infill so
+/// that the head lifts least, proves that the job is still the same, and streams it
+/// without losing a line
 #[derive(Parser)]
 #[command(name = "outrigger", version, arg_required_else_help = true)]
 struct Cli {

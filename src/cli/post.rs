@@ -27,7 +27,8 @@ use std::time::Instant;
 /// Post-processing scripts: /path/to/outrigger post
 #[derive(ClapArgs, Debug)]
 pub(super) struct Args {
-    /// The job: G-code of PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura or Slic3r
+    /// The job: G-code of PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura or Slic3r,
+    /// as text or binary (.bgcode), which it stays
     file: PathBuf,
     /// Write the result here and leave FILE alone
     #[arg(short, long, value_name = "OUT")]

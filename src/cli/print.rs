@@ -46,7 +46,7 @@ const NO_RESET_WAIT_MS: u64 = 300;
 /// leaves the printer as it is.
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The G-code file.
+    /// The G-code file, text or binary (.bgcode).
     file: PathBuf,
     /// The printer's serial port, such as /dev/ttyUSB0; `mock` prints to a mock
     /// printer that is started for it.

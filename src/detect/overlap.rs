@@ -231,7 +231,8 @@ impl Pieces {
         let extent = |edges: &[Edge], of: fn(Point) -> i32| -> i64 {
             edges.iter().map(|&(a, b)| (i64::from(of(a)) - i64::from(of(b))).abs()).sum()
         };
-        let (x, y): (fn(Point) -> i32, fn(Point) -> i32) = (|p| p.x, |p| p.y);
+        let x: fn(Point) -> i32 = |p| p.x;
+        let y: fn(Point) -> i32 = |p| p.y;
         let total = |of| extent(&self.edges, of) + extent(&other.edges, of);
         let along = if total(x) < total(y) { x } else { y };
         let spans = |edges: &[Edge]| -> Vec<(i32, i32)> {

@@ -7,8 +7,8 @@
 use super::island::{Found, Islands, Standings};
 use super::links::{Links, links};
 use super::overhang::{Growth, Method, Overhangs, Piece, SelfSupport};
-use super::overhang_layer;
 use super::regions::{Regions, joins};
+use super::{overhang_image, overhang_layer};
 use crate::layers::stack::{Layer, Layers};
 use rayon::prelude::*;
 
@@ -99,11 +99,9 @@ pub struct Findings {
 /// Those of the layers' source.
 pub fn walk<L: Layers>(layers: &mut L, ask: &Ask, watch: &mut impl Watch) -> Result<Findings, L::Error> {
     let mut islands = Islands::new();
-    let mut tracks: Vec<Track> =
-        [ask.layer.map(|a| Track::new(How::Layer(a), Method::Layer, a.rules.min_area_mm2))]
-            .into_iter()
-            .flatten()
-            .collect();
+    let by_layer = ask.layer.map(|a| Track::new(How::Layer(a), Method::Layer, a.rules.min_area_mm2));
+    let by_image = ask.image.map(|a| Track::new(How::Image(a), Method::Image, a.rules.min_area_mm2));
+    let mut tracks: Vec<Track> = by_layer.into_iter().chain(by_image).collect();
     let mut below = Layer::default();
     let (mut count, mut height_mm) = (0, 0.0);
     while let Some(batch) = layers.next_batch()? {
@@ -147,6 +145,24 @@ pub fn walk<L: Layers>(layers: &mut L, ask: &Ask, watch: &mut impl Watch) -> Res
 #[derive(Clone, Copy)]
 enum How {
     Layer(LayerAsk),
+    Image(ImageAsk),
+}
+
+impl How {
+    fn reach_mm(&self, below: &Layer, layer: &Layer) -> f64 {
+        let (How::Layer(LayerAsk { rules, .. }) | How::Image(ImageAsk { rules, .. })) = self;
+        overhang_layer::reach_mm(below, layer, rules.angle_deg)
+    }
+
+    fn pieces(&self, below: &Layer, layer: &Layer, links: &Links) -> Vec<Piece> {
+        match self {
+            How::Layer(ask) => overhang_layer::pieces(below, layer, links, &ask.rules, ask.growth),
+            How::Image(ask) => {
+                let reach = self.reach_mm(below, layer);
+                overhang_image::pieces(below, layer, links, reach, ask.growth, ask.pixel_mm)
+            }
+        }
+    }
 }
 
 /// One way to look for overhangs, on its way up.
@@ -169,19 +185,14 @@ impl Track {
         self.pieces = pairs
             .par_iter()
             .zip(linked)
-            .map(|((below, layer), links)| match how {
-                How::Layer(ask) => overhang_layer::pieces(below, layer, links, &ask.rules, ask.growth),
-            })
+            .map(|((below, layer), links)| how.pieces(below, layer, links))
             .collect();
-        let How::Layer(LayerAsk { rules, .. }) = how;
         let lower: Vec<&Vec<Piece>> = std::iter::once(&last).chain(&self.pieces).collect();
         let joins: Vec<Vec<(u32, u32)>> = pairs
             .par_iter()
             .zip(&self.pieces)
             .zip(lower)
-            .map(|(((below, layer), pieces), lower)| {
-                joins(lower, pieces, overhang_layer::reach_mm(below, layer, rules.angle_deg))
-            })
+            .map(|(((below, layer), pieces), lower)| joins(lower, pieces, how.reach_mm(below, layer)))
             .collect();
         for (((_, layer), pieces), joins) in pairs.iter().zip(&self.pieces).zip(&joins) {
             self.regions.push(layer.number, layer.plane_mm(), pieces, joins);

@@ -146,7 +146,7 @@ fn contours(panel: Panel, grid: &Grid, png: &[u8]) -> Result<Region, Fault> {
         }
     };
     panel.rows(png, row).map_err(Fault::Picture)?;
-    let polygons = fits.and_then(|()| trace.polygons()).map_err(|TooFine| Fault::TooFine)?;
+    let polygons = fits.and_then(|()| trace.polygons(|c| grid.point(c))).map_err(|TooFine| Fault::TooFine)?;
     Ok(grid.region(polygons))
 }
 
@@ -180,22 +180,23 @@ impl Grid {
         if self.swap { Point { x: b, y: a } } else { Point { x: a, y: b } }
     }
 
-    fn region(&self, polygons: Vec<trace::Rings>) -> Region {
-        let ring = |corners: Vec<Corner>| -> Ring {
-            let points = corners.into_iter().map(|c| self.point(c));
-            if self.mirrored { points.rev().collect() } else { points.collect() }
+    fn region(&self, polygons: Vec<trace::Rings<Point>>) -> Region {
+        let turned = |mut rings: Vec<Ring>| {
+            if self.mirrored {
+                rings.iter_mut().for_each(|ring| ring.reverse());
+            }
+            Polygon { rings }
         };
-        polygons.into_iter().map(|rings| Polygon { rings: rings.into_iter().map(ring).collect() }).collect()
+        polygons.into_iter().map(turned).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::resin;
     use crate::resin::testing::sl1;
-    use crate::resin::{self, job::Format};
     use std::io::Cursor;
-    use std::path::{Path, PathBuf};
 
     /// Pixels of `#` 255, `+` 128, `-` 127, anything else 0.
     fn pixels(rows: &[&str]) -> Vec<u8> {
@@ -282,99 +283,28 @@ mod tests {
     }
 
     #[test]
+    fn a_damaged_picture_is_named() {
+        let mut job = sl1(8, 8, &[vec![0; 64], vec![255; 64], vec![255; 64]]);
+        // The picture of layer 1, damaged before it was packed.
+        let mut png = crate::resin::testing::grey(8, 8, &[255; 64]);
+        png[45] ^= 0xff;
+        let entries = ["config.ini", "prusaslicer.ini", "job00000.png", "job00001.png", "job00002.png"];
+        let mut archive = resin::archive::Archive::open(Cursor::new(&job)).expect("an archive");
+        let mut entries: Vec<(&str, Vec<u8>)> =
+            entries.map(|n| (n, archive.read_named(n, 1000).expect("an entry"))).to_vec();
+        entries[3].1 = png;
+        job = crate::resin::testing::archive(&entries);
+        let job = resin::open(Cursor::new(job)).expect("a job");
+        let said = all(FromImages::new(job)).expect_err("refused").to_string();
+        assert!(said.contains("layer 1 (\"job00001.png\"): the picture cannot be read"), "{said}");
+    }
+
+    #[test]
     fn noise_is_refused_with_its_layer() {
-        let (width, height) = (4096, 2300);
+        let (width, height) = (4096, 600);
         let noise: Vec<u8> = (0..width * height).map(|i| ((i + i / width) % 2 * 255) as u8).collect();
         let job = resin::open(Cursor::new(sl1(width, height, &[noise]))).expect("a job");
         let said = all(FromImages::new(job)).expect_err("refused").to_string();
         assert!(said.contains("layer 0 (\"job00000.png\")") && said.contains("dithering"), "{said}");
-    }
-
-    fn samples() -> Vec<PathBuf> {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/gcode-samples/sla");
-        let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-        entries.filter_map(|e| Some(e.ok()?.path())).collect()
-    }
-
-    #[test]
-    fn real_jobs_have_the_area_of_their_pixels() {
-        for path in samples() {
-            let bytes = std::fs::read(&path).expect("a sample");
-            let mut job = resin::open(Cursor::new(&bytes)).expect("a job");
-            assert_eq!(job.format(), Format::Sl1);
-            assert_eq!([job.panel().width_px, job.panel().height_px], [1440, 2560]);
-            let number = job.layers().len() as u32;
-            assert_eq!(number, if bytes.len() > 1_000_000 { 260 } else { 200 });
-            // Decoding is slow without optimisation: some layers of different kinds.
-            let counted: Vec<(u32, usize)> = (0..number)
-                .step_by(37)
-                .map(|i| (i, job.image(i).expect("a picture").pixels.iter().filter(|&&p| p >= 128).count()))
-                .collect();
-            let panel = job.panel();
-            let grid = Grid::new(panel, job.placement());
-            for (i, bright) in counted {
-                let png = job.png(i).expect("a picture");
-                let Ok(part) = contours(panel, &grid, &png) else { panic!("layer {i}") };
-                assert!(bright > 0 && !part.is_empty());
-                let expect = bright as f64 * 0.047_25 * 0.047_25;
-                assert!((part.area_mm2() - expect).abs() < expect * 1e-4, "{path:?}, layer {i}");
-                let [min, max] = part.bounds().mm();
-                assert!(min[0] > 0.0 && max[0] < 120.96 && min[1] > 0.0 && max[1] < 68.04, "{min:?} {max:?}");
-            }
-        }
-    }
-
-    /// Where a binary STL file's triangles cross a height, as pairs of points.
-    fn cut(stl: &[u8], z: f64) -> Vec<[[f64; 2]; 2]> {
-        let number = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-        let triangle = |t: &[u8]| -> Option<[[f64; 2]; 2]> {
-            let corner = |k: usize| [0, 4, 8].map(|o| number(&t[12 + 12 * k + o..]));
-            let crossing = |k: usize| {
-                let [a, b] = [corner(k), corner((k + 1) % 3)];
-                let s = (z - a[2]) / (b[2] - a[2]);
-                ((a[2] < z) != (b[2] < z)).then(|| [0, 1].map(|i| a[i] + s * (b[i] - a[i])))
-            };
-            let mut crossings = (0..3).filter_map(crossing);
-            Some([crossings.next()?, crossings.next()?])
-        };
-        stl[84..].chunks_exact(50).filter_map(triangle).collect()
-    }
-
-    fn inside([x, y]: [f64; 2], edges: impl Iterator<Item = [[f64; 2]; 2]>) -> bool {
-        let left = |[a, b]: &[[f64; 2]; 2]| {
-            (a[1] <= y) != (b[1] <= y) && a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) < x
-        };
-        edges.filter(left).count() % 2 == 1
-    }
-
-    #[test]
-    fn a_real_job_lies_over_the_plate_as_its_model_does() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
-        let model = std::fs::read(folder.join("models/calib-supporttest.stl"));
-        let job = std::fs::read(folder.join("gcode-samples/sla/calib-supporttest-bare.sl1"));
-        let (Ok(model), Ok(job)) = (model, job) else { return };
-        let mut job = resin::open(Cursor::new(&job)).expect("a job");
-        let panel = job.panel();
-        let grid = Grid::new(panel, job.placement());
-        for layer in [0, 77, 150, 199] {
-            let png = job.png(layer).expect("a picture");
-            let Ok(part) = contours(panel, &grid, &png) else { panic!("layer {layer}") };
-            let timed = job.layers()[layer as usize];
-            let model = cut(&model, timed.top_mm - timed.height_mm / 2.0);
-            let ring = |r: &Ring| (0..r.len()).map(|i| [r[i].mm(), r[(i + 1) % r.len()].mm()]).collect();
-            let rings: Vec<Vec<[[f64; 2]; 2]>> = part.rings().map(ring).collect();
-            let (mut alike, mut mirrored, mut all) = (0, 0, 0);
-            for k in 0..4000 {
-                // The slicer put the model's middle onto the panel's.
-                let at = [f64::from(k % 80) * 0.53 - 21.0, f64::from(k / 80) * 0.83 - 21.0];
-                let solid = inside(at, model.iter().copied());
-                let over = |x: f64| inside([60.48 + x, 34.02 + at[1]], rings.iter().flatten().copied());
-                alike += usize::from(solid == over(at[0]));
-                mirrored += usize::from(solid == over(-at[0]));
-                all += 1;
-            }
-            assert!(alike * 1000 >= all * 995, "layer {layer}: {alike} of {all}");
-            assert!(mirrored * 100 < all * 98, "layer {layer} would look the same mirrored");
-        }
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! # Layout
 //! - [`shape`]: points on a grid, polygons with holes, their measures
-//! - [`offset`], [`tidy`]: one ring moved, or rid of points that say nothing
+//! - [`tidy`]: rings rid of points that say nothing
 //! - [`outline`]: what a round nozzle sweeps
 //! - [`polygon`]: booleans, predicates and offsets; alone names the polygon libraries
 //! - [`nest`]: rings that do not meet become polygons without a boolean
@@ -15,7 +15,6 @@ pub mod from_gcode;
 pub mod from_images;
 pub mod from_mesh;
 pub mod nest;
-mod offset;
 pub mod outline;
 pub mod polygon;
 pub mod shape;

@@ -2,17 +2,16 @@
 //! polygon libraries.
 //!
 //! Takes regions and rings, gives regions and answers. Booleans and predicates are
-//! `i_overlay`'s on 32-bit integers; offsets are our own raw ones, resolved by it:
-//! both give the same bits on every machine. Inputs lie within
-//! [`super::shape::MAX_COORDINATE`]. Knows no layer.
+//! `i_overlay`'s on 32-bit integers, offsets are Clipper's (`geo-clipper`): each gives
+//! the same bits on every machine. Inputs lie within [`super::shape::MAX_COORDINATE`].
+//! Knows no layer.
 //!
 //! Where edges cross off the grid the crossing is rounded to it, and edges nearer than
 //! about one grid step may be drawn together. What touches is otherwise exact.
-use super::nest::Nester;
-use super::offset::offset;
 use super::outline::outline;
 use super::shape::{Bounds, Point, Polygon, Region, Ring, UNITS_PER_MM};
-use super::tidy::tidy;
+use geo_clipper::{ClipperInt, EndType, JoinType};
+use geo_types::{Coord, LineString, MultiPolygon};
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::core::overlay::{IntOverlayOptions, Overlay, ShapeType};
 use i_overlay::core::overlay_rule::OverlayRule;
@@ -176,17 +175,41 @@ pub fn overlaps_any<'a>(a: &Polygon, others: impl IntoIterator<Item = &'a Polygo
 /// Greatest distance between an arc and its chords, mm.
 const ARC_TOLERANCE_MM: f64 = 0.002;
 
+fn closed_line(ring: &Ring) -> LineString<i64> {
+    let coord = |p: &Point| Coord { x: i64::from(p.x), y: i64::from(p.y) };
+    ring.iter().chain(ring.first()).map(coord).collect()
+}
+
+fn open_ring(line: LineString<i64>) -> Ring {
+    let mut ring: Ring = line.0.into_iter().map(|c| Point { x: c.x as i32, y: c.y as i32 }).collect();
+    if ring.len() > 1 && ring.first() == ring.last() {
+        ring.pop();
+    }
+    ring
+}
+
 /// Everything within a distance of the region (negative: what is farther than it from the outside).
 /// Corners become arcs that differ from circles by at most 2 µm.
 #[must_use]
 pub fn grow(a: &Region, distance_mm: f64) -> Region {
-    let (distance, tolerance) = (distance_mm * UNITS_PER_MM, ARC_TOLERANCE_MM * UNITS_PER_MM);
-    if distance.is_nan() || distance == 0.0 {
+    if distance_mm.is_nan() || distance_mm == 0.0 {
         return a.clone();
     }
-    let mut rings: Vec<Ring> = a.rings().map(|r| offset(r, distance, tolerance)).collect();
-    rings.iter_mut().for_each(tidy);
-    Nester::default().nest(&rings).unwrap_or_else(|| resolve(&rings, Inside::Positive))
+    let polygon = |p: &Polygon| {
+        let mut lines = p.rings.iter().map(closed_line);
+        geo_types::Polygon::new(lines.next().unwrap_or_else(|| LineString(Vec::new())), lines.collect())
+    };
+    let all = MultiPolygon(a.polygons.iter().map(polygon).collect());
+    let join = JoinType::Round(ARC_TOLERANCE_MM * UNITS_PER_MM);
+    let grown = ClipperInt::offset(&all, distance_mm * UNITS_PER_MM, join, EndType::ClosedPolygon);
+    let rings: Vec<Ring> = grown
+        .into_iter()
+        .map(geo_types::Polygon::into_inner)
+        .flat_map(|(outer, holes)| std::iter::once(outer).chain(holes))
+        .map(open_ring)
+        .collect();
+    // Clipper's rings may touch themselves; those of a region do not.
+    resolve(&rings, Inside::Odd)
 }
 
 /// Everything within a distance of open paths: what a round nozzle of twice that width sweeps.

@@ -4,7 +4,7 @@
 //! belongs to, and what each shell measures. Pieces that touch in a vertex only
 //! are two.
 use super::twins::CROWDED;
-use super::vector::{cross, dot, length, sub};
+use super::vector::{cross, distance, dot, length, sub};
 
 /// A connected piece.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,8 +18,8 @@ pub(super) struct Shell {
     pub(super) volume_mm3: f64,
     /// Area, mm².
     pub(super) area_mm2: f64,
-    /// Area of its openings if they were flat, seen along their sum, mm²; 0 where it is closed.
-    pub(super) net_area_mm2: f64,
+    /// Length of its rims, mm.
+    pub(super) rim_mm: f64,
     /// One of its triangles: the largest.
     pub(super) largest: u32,
 }
@@ -49,10 +49,12 @@ impl Shells {
             stack.push(first);
             let mut shell = Measure::new(vertices[triangles[first as usize][0] as usize]);
             while let Some(t) = stack.pop() {
-                shell.add(t, triangles[t as usize].map(|v| vertices[v as usize]));
-                for &twin in &twins[t as usize * 3..t as usize * 3 + 3] {
+                let corners = triangles[t as usize].map(|v| vertices[v as usize]);
+                shell.add(t, corners);
+                for (k, &twin) in twins[t as usize * 3..t as usize * 3 + 3].iter().enumerate() {
                     if twin >= CROWDED {
                         shell.shell.open_edges += 1;
+                        shell.shell.rim_mm += distance(corners[k], corners[(k + 1) % 3]);
                     } else if shells.of[(twin / 3) as usize] == NONE {
                         shells.of[(twin / 3) as usize] = number;
                         stack.push(twin / 3);
@@ -73,21 +75,15 @@ struct Measure {
     /// Lowest and highest coordinates.
     low: [f64; 3],
     high: [f64; 3],
-    /// Sum of the area vectors, twice; 0 for a closed shell.
+    /// Sum of the area vectors, twice: 0 for a closed shell.
     twice_area: [f64; 3],
     largest_mm2: f64,
 }
 
 impl Measure {
     fn new(origin: [f64; 3]) -> Measure {
-        let shell = Shell {
-            triangles: 0,
-            open_edges: 0,
-            volume_mm3: 0.0,
-            area_mm2: 0.0,
-            net_area_mm2: 0.0,
-            largest: 0,
-        };
+        let shell =
+            Shell { triangles: 0, open_edges: 0, volume_mm3: 0.0, area_mm2: 0.0, rim_mm: 0.0, largest: 0 };
         let (low, high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         Measure { shell, origin, low, high, twice_area: [0.0; 3], largest_mm2: -1.0 }
     }
@@ -112,7 +108,6 @@ impl Measure {
         let middle = [0, 1, 2].map(|k| (self.low[k] + self.high[k]) / 2.0);
         // Seen from the middle every triangle's height differs by the same vector.
         self.shell.volume_mm3 += dot(sub(self.origin, middle), self.twice_area) / 6.0;
-        self.shell.net_area_mm2 = length(self.twice_area) / 2.0;
         self.shell
     }
 }

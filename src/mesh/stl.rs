@@ -266,8 +266,10 @@ mod tests {
     use super::*;
     use std::io::Cursor;
 
+    type Triangles = Vec<[[f32; 3]; 3]>;
+
     #[derive(Default)]
-    struct All(Vec<[[f32; 3]; 3]>);
+    struct All(Triangles);
 
     impl Sink for All {
         fn expect(&mut self, triangles: usize) {
@@ -281,7 +283,7 @@ mod tests {
     }
 
     /// Reads a file: its triangles and what it was, or the error's words.
-    fn reading(file: &[u8]) -> Result<(Vec<[[f32; 3]; 3]>, Source), String> {
+    fn reading(file: &[u8]) -> Result<(Triangles, Source), String> {
         let mut all = All::default();
         let source = read(&mut Cursor::new(file), &mut all).map_err(|e| e.to_string())?;
         Ok((all.0, source))
@@ -305,7 +307,7 @@ mod tests {
 
     const FACET: &str = "facet normal 0 0 1\n outer loop\n  vertex 1 0 0\n  vertex 0 1 0\n  vertex 0 0 1\n endloop\nendfacet\n";
 
-    fn expected(triangles: usize) -> Vec<[[f32; 3]; 3]> {
+    fn expected(triangles: usize) -> Triangles {
         (1..=triangles).map(|k| [[k as f32, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).collect()
     }
 

@@ -4,7 +4,7 @@
 //! that was made. Of binary G-code only the G-code blocks are made anew, packed as
 //! they were; all other blocks go over byte for byte. Knows nothing of what the
 //! text says.
-use super::BUFFER_BYTES;
+use super::{BUFFER_BYTES, Failure};
 use outrigger_gcode::bgcode::{Encoding, MAGIC, Survey, Text, Writer, bare_text, survey, text};
 use std::borrow::Cow;
 use std::io::{BufReader, BufWriter, Read, Result, Seek, SeekFrom, Write};
@@ -56,7 +56,11 @@ impl Container {
     ///
     /// # Errors
     /// The reader's or the writer's.
-    pub(super) fn begin<W: Write>(&self, input: &mut (impl Read + Seek), mut output: W) -> Result<Output<W>> {
+    pub(super) fn begin<W: Write>(
+        &self,
+        input: &mut (impl Read + Seek),
+        mut output: W,
+    ) -> std::result::Result<Output<W>, Failure> {
         if let Container::Binary(survey) = self {
             copy(input, 0, survey.gcode_from, &mut output)?;
         }
@@ -71,7 +75,11 @@ impl Container {
     ///
     /// # Errors
     /// The reader's or the writer's.
-    pub(super) fn end(&self, input: &mut (impl Read + Seek), output: &mut impl Write) -> Result<()> {
+    pub(super) fn end(
+        &self,
+        input: &mut (impl Read + Seek),
+        output: &mut impl Write,
+    ) -> std::result::Result<(), Failure> {
         match self {
             Container::Text => Ok(()),
             Container::Binary(survey) => copy(input, survey.gcode_to, survey.bytes - survey.gcode_to, output),
@@ -79,12 +87,26 @@ impl Container {
     }
 }
 
-fn copy(input: &mut (impl Read + Seek), from: u64, count: u64, output: &mut impl Write) -> Result<()> {
-    input.seek(SeekFrom::Start(from))?;
-    match std::io::copy(&mut input.take(count), output)? {
-        copied if copied == count => Ok(()),
-        _ => Err(std::io::Error::other("the file became shorter while it was read")),
+/// Copies a stretch of the input; tells which side fails.
+fn copy(
+    input: &mut (impl Read + Seek),
+    from: u64,
+    count: u64,
+    output: &mut impl Write,
+) -> std::result::Result<(), Failure> {
+    input.seek(SeekFrom::Start(from)).map_err(Failure::Read)?;
+    let mut left = count;
+    let mut piece = Vec::new();
+    while left > 0 {
+        piece.clear();
+        let read = input.by_ref().take(left.min(BUFFER_BYTES as u64)).read_to_end(&mut piece);
+        if read.map_err(Failure::Read)? == 0 {
+            return Err(Failure::Read(std::io::ErrorKind::UnexpectedEof.into()));
+        }
+        output.write_all(&piece).map_err(Failure::Write)?;
+        left -= piece.len() as u64;
     }
+    Ok(())
 }
 
 /// The text of a job from where the input stands, in binary G-code what is in its G-code blocks.
@@ -128,8 +150,7 @@ impl<W: Write> Output<W> {
                 Ok(changed)
             }
             Output::Binary(writer) => {
-                let found = writer.read_back(text)?;
-                writer.put(&found)?;
+                let found = writer.put(text)?;
                 Ok(match found {
                     _ if *found == *input => None,
                     Cow::Owned(found) => Some(found),

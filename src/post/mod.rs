@@ -136,11 +136,11 @@ fn post_readable(
         }
     };
     let habits = file_habits(input, container, &beginning, dialect).map_err(Failure::Read)?;
-    let made = container.begin(input, &mut *output).map_err(Failure::Write)?;
+    let made = container.begin(input, &mut *output)?;
     input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
     match run(Counted::new(&mut *input, progress), made, dialect, &habits, options) {
         Ok((figures, tally)) => {
-            container.end(input, output).map_err(Failure::Write)?;
+            container.end(input, output)?;
             Ok(report(&figures, tally))
         }
         Err(Unchanged::Unfit(Unfit::Read { source, .. })) => Err(Failure::Read(source)),

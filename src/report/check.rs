@@ -166,6 +166,13 @@ impl Tops {
         self.0.get(layer as usize).or(self.0.last()).copied().unwrap_or_default()
     }
 
+    /// The layer that holds a height, mm.
+    #[must_use]
+    pub fn layer_at(&self, z_mm: f64) -> u32 {
+        let above = self.0.partition_point(|&top| top <= z_mm);
+        above.min(self.0.len().saturating_sub(1)) as u32
+    }
+
     /// What the detector found, with the Z at which it is printed.
     #[must_use]
     pub fn island(&self, found: &detect::island::Island) -> Island {
@@ -218,6 +225,13 @@ impl Tops {
     }
 }
 
+/// A height for people, mm: to a hundredth, and to a micrometre where layers need it.
+#[must_use]
+pub fn height_words(mm: f64) -> String {
+    let text = format!("{mm:.3}");
+    text.strip_suffix('0').map_or(text.clone(), str::to_owned)
+}
+
 /// A detector's name, as on the command line.
 #[must_use]
 pub fn name(method: Method) -> &'static str {
@@ -237,6 +251,14 @@ impl Report {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
         Ok(text)
+    }
+
+    /// Puts in what a detector found. Of several the polygons' is the report's own.
+    pub fn put_overhangs(&mut self, found: Overhangs) {
+        if self.overhangs.is_none() || found.method == name(Method::Layer) {
+            self.overhangs = Some(found.clone());
+        }
+        self.overhangs_by_method.insert(found.method, found);
     }
 
     /// The file's name without its folder.
@@ -288,6 +310,11 @@ mod tests {
         let report = Report { islands, ..Report::default() };
         let found: Vec<u32> = report.largest_islands().iter().map(|i| i.layer).collect();
         assert_eq!(found, [3, 7, 9, 1]);
+    }
+
+    #[test]
+    fn heights_are_as_fine_as_layers() {
+        assert_eq!([5.2, 0.125, 12.0].map(height_words), ["5.20", "0.125", "12.00"]);
     }
 
     #[test]

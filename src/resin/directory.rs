@@ -173,12 +173,10 @@ fn span<R: Read + Seek>(reader: &mut R) -> Result<Span, DirectoryError> {
     }
     let (entries, bytes, at) =
         (u64::from(le16(record, 10)), u64::from(le32(record, 12)), u64::from(le32(record, 16)));
-    if entries == 0xffff || bytes == ELSEWHERE || at == ELSEWHERE {
-        if let Some(locator) = i.checked_sub(20).map(|j| &tail[j..i]) {
-            if locator.starts_with(b"PK\x06\x07") {
-                return zip64_span(reader, le64(locator, 8), end);
-            }
-        }
+    let elsewhere = entries == 0xffff || bytes == ELSEWHERE || at == ELSEWHERE;
+    let locator = i.checked_sub(20).map(|j| &tail[j..i]).filter(|l| l.starts_with(b"PK\x06\x07"));
+    if let (true, Some(locator)) = (elsewhere, locator) {
+        return zip64_span(reader, le64(locator, 8), end);
     }
     Ok(Span { entries, at, bytes, end })
 }

@@ -9,9 +9,9 @@ use std::io::Cursor;
 /// Most pixels along a side. The largest panels sold have 15,360 × 8,640.
 pub const MAX_SIDE_PX: u32 = 16_384;
 
-/// Most pixels of an interlaced picture, which must be held as a whole. No slicer
-/// interlaces.
-pub const MAX_INTERLACED_PX: u64 = 1 << 26;
+/// Most pixels of an interlaced picture, which must be held as a whole: 64 MB at four
+/// bytes. No slicer interlaces.
+pub const MAX_INTERLACED_PX: u64 = 1 << 24;
 
 /// What the PNG reader may hold besides the rows: chunk buffers.
 const MAX_PNG_BYTES: usize = 8 << 20;
@@ -206,24 +206,30 @@ struct Greyed {
 
 impl Greyed {
     fn row(&mut self, row: &[u8], show: &mut impl FnMut(&[u8])) -> Result<(), ImageError> {
-        // A panel whose width is no multiple of three has a pixel or two too many in the picture.
-        let width = self.panel.width_px as usize;
-        match (self.colour, self.panel.packing) {
-            (ColorType::Grayscale, Packing::Grey) => show(row),
-            (ColorType::Rgb, Packing::Subpixels) => show(&row[..width.min(row.len())]),
-            (ColorType::GrayscaleAlpha, Packing::Grey) => self.reduced::<2>(row, |p| p[1] == 255, show)?,
-            (ColorType::Rgb, Packing::Grey) => self.reduced::<3>(row, grey, show)?,
+        let panel = self.panel;
+        let row = match (self.colour, panel.packing) {
+            (ColorType::Grayscale, Packing::Grey) | (ColorType::Rgb, Packing::Subpixels) => row,
+            (ColorType::GrayscaleAlpha, Packing::Grey) => self.reduced::<2>(row, |p| p[1] == 255)?,
+            (ColorType::Rgb, Packing::Grey) => self.reduced::<3>(row, grey)?,
             (ColorType::Rgba, Packing::Grey) => {
-                self.reduced::<4>(row, |p| grey(&[p[0], p[1], p[2]]) && p[3] == 255, show)?;
+                self.reduced::<4>(row, |p| grey(&[p[0], p[1], p[2]]) && p[3] == 255)?
             }
             (ColorType::Rgba, Packing::Subpixels) => {
                 self.buffer.clear();
                 self.buffer.extend(row.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]));
-                self.buffer.truncate(width);
-                show(&self.buffer);
+                &self.buffer
             }
             (colour, _) => return Err(ImageError::Unsupported { colour: named(colour) }),
-        }
+        };
+        // A panel whose width is no multiple of three has a pixel or two too many in the picture;
+        // the first frame of an animated PNG may have too few.
+        let width = panel.width_px as usize;
+        let Some(row) = row.get(..width) else {
+            let [panel_width, panel_height] = panel.picture_px();
+            let (width, height) = (row.len() as u32, panel_height);
+            return Err(ImageError::WrongSize { width, height, panel_width, panel_height });
+        };
+        show(row);
         self.row += 1;
         Ok(())
     }
@@ -233,8 +239,7 @@ impl Greyed {
         &mut self,
         row: &[u8],
         plain: impl Fn(&[u8; N]) -> bool,
-        show: &mut impl FnMut(&[u8]),
-    ) -> Result<(), ImageError> {
+    ) -> Result<&[u8], ImageError> {
         self.buffer.clear();
         for (column, pixel) in row.as_chunks::<N>().0.iter().enumerate() {
             if !plain(pixel) {
@@ -243,8 +248,7 @@ impl Greyed {
             }
             self.buffer.push(pixel[0]);
         }
-        show(&self.buffer);
-        Ok(())
+        Ok(&self.buffer)
     }
 }
 
@@ -264,7 +268,7 @@ fn named(colour: ColorType) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::resin::testing::{grey, picture};
+    use crate::resin::testing::{grey, header, picture};
     use png::BitDepth;
     use proptest::prelude::*;
 
@@ -315,23 +319,13 @@ mod tests {
         check(PANEL, &header(100_000, 100_000), &["100000 × 100000 px", "16384"]);
         check(PANEL, &header(1, u32::MAX), &["1 × 4294967295 px"]);
         check(PANEL, &header(3, 2), &["cannot be read"]);
+        let large = Panel { width_px: 16_384, height_px: 1025, packing: Packing::Grey };
+        check(large, &interlaced(16_384, 1025, &[]), &["interlaced", "16777216 px"]);
         let red: Vec<u8> = (0..18).map(|i| if i == 12 { 9 } else { 0 }).collect();
         check(PANEL, &picture(3, 2, Rgb, Eight, &red), &["RGB", "column 1, row 1"]);
         let ghost = picture(3, 2, GrayscaleAlpha, Eight, &[0; 12]);
         check(PANEL, &ghost, &["transparency", "column 0, row 0"]);
         check(SUBPIXELS, &grey(1, 2, &[0; 2]), &["picture is grey"]);
-    }
-
-    /// A PNG that is nothing but a header.
-    fn header(width: u32, height: u32) -> Vec<u8> {
-        let mut png = grey(1, 1, &[0]);
-        png[16..20].copy_from_slice(&width.to_be_bytes());
-        png[20..24].copy_from_slice(&height.to_be_bytes());
-        let mut crc = flate2::Crc::new();
-        crc.update(&png[12..29]);
-        png[29..33].copy_from_slice(&crc.sum().to_be_bytes());
-        png.truncate(33);
-        png
     }
 
     #[test]
@@ -340,20 +334,17 @@ mod tests {
         assert!(matches!(size_px(&header(16_385, 1)), Err(ImageError::TooLarge { .. })));
     }
 
-    /// Adam7 of one 8-bit grey picture of 3 × 2 px, packed without compression.
-    #[test]
-    fn interlaced_pictures_are_read() {
-        // Passes: 1 (0,0) · 4 (2,0) · 6 (1,0) · 7 row 1.
-        let passes = [0, 10, 0, 12, 0, 11, 0, 20, 21, 22];
+    /// A picture that is interlaced (Adam7), of the passes' rows with their filters.
+    fn interlaced(width: u32, height: u32, passes: &[u8]) -> Vec<u8> {
         let mut packed = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::none());
-        std::io::Write::write_all(&mut packed, &passes).expect("packed");
+        std::io::Write::write_all(&mut packed, passes).expect("packed");
         let packed = packed.finish().expect("packed");
-        let mut png = header(3, 2);
-        png[28] = 1;
-        let mut crc = flate2::Crc::new();
-        crc.update(&png[12..29]);
-        png[29..33].copy_from_slice(&crc.sum().to_be_bytes());
-        for (kind, bytes) in [(b"IDAT", &packed[..]), (b"IEND", &[])] {
+        let mut png = header(width, height);
+        let mut head = png.split_off(16);
+        head.truncate(13);
+        head[12] = 1;
+        png.truncate(8);
+        for (kind, bytes) in [(b"IHDR", &head[..]), (b"IDAT", &packed), (b"IEND", &[])] {
             let mut crc = flate2::Crc::new();
             crc.update(kind);
             crc.update(bytes);
@@ -362,6 +353,13 @@ mod tests {
             png.extend(bytes);
             png.extend(crc.sum().to_be_bytes());
         }
+        png
+    }
+
+    #[test]
+    fn interlaced_pictures_are_read() {
+        // Passes: 1 (0,0) · 4 (2,0) · 6 (1,0) · 7 row 1; the others are empty.
+        let png = interlaced(3, 2, &[0, 10, 0, 12, 0, 11, 0, 20, 21, 22]);
         assert_eq!(PANEL.image(&png).expect("read").pixels, [10, 11, 12, 20, 21, 22]);
     }
 

@@ -269,7 +269,9 @@ mod tests {
         entries
     }
 
-    fn open(entries: &Entries) -> Result<Job<Cursor<Vec<u8>>>, JobError> {
+    type Made = Job<Cursor<Vec<u8>>>;
+
+    fn open(entries: &Entries) -> Result<Made, JobError> {
         resin::open(Cursor::new(archive(entries)))
     }
 
@@ -298,7 +300,7 @@ mod tests {
 
     #[test]
     fn names_and_keys_of_other_versions_are_read() {
-        let check = |change: &dyn Fn(&mut Entries), expect: &dyn Fn(&Job<Cursor<Vec<u8>>>)| {
+        let check = |change: &dyn Fn(&mut Entries), expect: &dyn Fn(&Made)| {
             let mut entries = entries();
             change(&mut entries);
             expect(&open(&entries).expect("a job"));

@@ -191,7 +191,7 @@ impl Ini {
 mod tests {
     use super::*;
     use crate::resin;
-    use crate::resin::testing::{archive, grey, sl1, sl1_config, sl1_settings};
+    use crate::resin::testing::{archive, grey, header, sl1, sl1_config, sl1_settings};
     use std::io::Cursor;
 
     type Entries = Vec<(String, Vec<u8>)>;
@@ -299,6 +299,8 @@ mod tests {
         check(&|e| e.push(("job000001.png".to_owned(), vec![])), &["layer 1 has two pictures"]);
         check(&|e| e[4].1 = grey(2, 2, &[0; 4]), &["layer 0", "job00000.png", "2 × 2 px", "3 × 2"]);
         check(&|e| e[4].1 = b"no picture".to_vec(), &["layer 0", "job00000.png", "cannot be read"]);
+        let bomb = header(100_000, 100_000);
+        check(&|e| e[4].1 = bomb.clone(), &["layer 0", "job00000.png", "100000 × 100000 px"]);
         check(&set(0, "jobDir = job", "jobDir ="), &["config.ini", "no jobDir"]);
         check(&set(0, "jobDir = job", "jobDir = ../job"), &["no picture is named ../jobNNNNN.png"]);
         check(&set(0, "layerHeight = 0.05", "layerHeight = 0"), &["layerHeight = 0", "0.001 to 1"]);

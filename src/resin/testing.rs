@@ -68,3 +68,15 @@ pub(crate) fn picture(width: u32, height: u32, colour: ColorType, depth: BitDept
     writer.finish().expect("a whole picture");
     png
 }
+
+/// A PNG that is nothing but a header.
+pub(crate) fn header(width: u32, height: u32) -> Vec<u8> {
+    let mut png = grey(1, 1, &[0]);
+    png[16..20].copy_from_slice(&width.to_be_bytes());
+    png[20..24].copy_from_slice(&height.to_be_bytes());
+    let mut crc = flate2::Crc::new();
+    crc.update(&png[12..29]);
+    png[29..33].copy_from_slice(&crc.sum().to_be_bytes());
+    png.truncate(33);
+    png
+}

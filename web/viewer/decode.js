@@ -119,14 +119,17 @@ function ringBounds(ring) {
 }
 
 /**
- * One pass over all layers: the bounds of everything, and for each layer the
- * stretches of x that are seen from the front, by kind.
+ * One pass over all layers: the bounds of the part (`isAid` tells the kinds that
+ * are none; without a part those of everything), and for each layer the stretches
+ * of x that are seen from the front and the area, by kind.
  */
-function surveyed(layers) {
-  const bounds = [Infinity, Infinity, -Infinity, -Infinity];
+function surveyed(layers, isAid) {
+  const empty = () => [Infinity, Infinity, -Infinity, -Infinity];
+  const [part, aid] = [empty(), empty()];
   const rows = layers.all.map((_, index) =>
     layers.groups(index).map(({ kind, polygons }) => {
       const runs = [];
+      const bounds = isAid(kind) ? aid : part;
       for (const [outer] of polygons) {
         if (!outer || !outer.length) continue;
         const box = ringBounds(outer);
@@ -136,10 +139,22 @@ function surveyed(layers) {
         bounds[3] = Math.max(bounds[3], box[3]);
         runs.push([box[0], box[2]]);
       }
-      return { kind, runs: united(runs) };
+      // Holes run the other way, so that the sum is what is left.
+      const area = polygons.flat().reduce((sum, ring) => sum + ringArea(ring), 0);
+      return { kind, area, runs: united(runs) };
     }),
   );
-  return { bounds: bounds[0] <= bounds[2] ? bounds : [0, 0, 1, 1], rows };
+  const bounds = [part, aid].find((box) => box[0] <= box[2]) ?? [0, 0, 1, 1];
+  return { bounds, rows };
+}
+
+/** Area inside of a ring, mm². */
+function ringArea(ring) {
+  let sum = 0;
+  for (let k = 0, last = ring.length - 2; k < ring.length; last = k, k += 2) {
+    sum += ring[last] * ring[k + 1] - ring[k] * ring[last + 1];
+  }
+  return sum / 2;
 }
 
 /** Stretches in order, overlapping ones made one. */

@@ -60,13 +60,14 @@ function findingsList(title, items, total, open, row, onPick) {
 }
 
 function islandRow(island) {
-  const end = island.joins ? `joins the part at Z ${mm(island.end_top_mm)}` : 'never joins the part';
-  return ['appears', `Layer ${island.layer} · Z ${mm(island.top_mm)} · ${area(island.area_mm2)}`, `${place(island.centroid_mm)} · ${end}`];
+  const grows = island.max_area_mm2 > 2 * island.area_mm2 ? ` · grows to ${area(island.max_area_mm2)}` : '';
+  const end = island.joins ? `joins the part at Z ${height(island.end_top_mm)}` : 'never joins the part';
+  return ['appears', `Layer ${island.layer} · Z ${height(island.top_mm)} · ${area(island.area_mm2)}`, `${place(island.centroid_mm)}${grows} · ${end}`];
 }
 
 function regionRow(region) {
   const layers = region.end_layer > region.layer ? `layers ${region.layer} to ${region.end_layer}` : `layer ${region.layer}`;
-  return ['overhang', `Layer ${region.layer} · Z ${mm(region.top_mm)} · ${area(region.area_mm2)}`, `${place(region.centroid_mm)} · ${layers}`];
+  return ['overhang', `Layer ${region.layer} · Z ${height(region.top_mm)} · ${area(region.area_mm2)}`, `${place(region.centroid_mm)} · ${layers}`];
 }
 
 /** Names and values. */

@@ -22,7 +22,7 @@ class Page {
     this.layers = layers;
     this.index = 0;
     this.marked = null;
-    const survey = surveyed(layers);
+    const survey = surveyed(layers, (kind) => job.classes[kind]?.name === 'aid');
     this.survey = survey;
     const cursor = document.getElementById('cursor');
     const onCursor = (at) => { cursor.textContent = at ? `X ${mm(at[0])}  Y ${mm(at[1])} mm` : ''; };
@@ -32,6 +32,9 @@ class Page {
     const named = (k, name) => survey.rows[k].some(({ kind }) => job.classes[kind]?.name === name);
     const all = layers.all.map((_, k) => k);
     this.events = all.filter((k) => named(k, 'appears'));
+    const what = this.events.length ? 'island' : 'overhang';
+    document.getElementById('previous').textContent = `‹ ${what}`;
+    document.getElementById('next').textContent = `${what} ›`;
     if (!this.events.length) this.events = all.filter((k) => named(k, 'overhang') && (k === 0 || !named(k - 1, 'overhang')));
     this.legend();
     this.keys();
@@ -51,9 +54,9 @@ class Page {
     const below = this.index > 0 ? this.layers.groups(this.index - 1) : [];
     this.view.show(this.layers.groups(this.index), below, marked);
     const last = this.job.report.layers - 1;
-    const words = `Layer ${layer.number} of ${last}, Z ${mm(layer.top, 3)} mm`;
+    const words = `Layer ${layer.number} of ${last}, Z ${height(layer.top)} mm`;
     const where = document.getElementById('where');
-    where.replaceChildren(words, element('small', {}, `  middle at ${mm(layer.plane, 3)}`));
+    where.replaceChildren(words, element('small', {}, `  middle at ${height(layer.plane)}`));
     this.strip.set(this.index, words);
     document.getElementById('previous').disabled = !(this.events[0] < this.index);
     document.getElementById('next').disabled = !(this.events[this.events.length - 1] > this.index);

@@ -1,6 +1,6 @@
 'use strict';
 // The job from the front, as a slider: where the line is, there is the layer.
-// Beside it marks of the layers where islands begin and where something overhangs.
+// Beside it marks of the layers where islands begin, and bars of how much overhangs.
 
 class Strip {
   /** `onPick` is told the place of a layer in `layers.all`. */
@@ -82,12 +82,14 @@ class Strip {
     const scale = Math.min((width - lanes - 14) / across, up / (this.top - this.bottom));
     const middle = (width - lanes) / 2;
     const centre = (bounds[0] + bounds[2]) / 2;
+    const overhang = (group) => this.kinds[group.kind]?.name === 'overhang';
+    const most = rows.reduce((most, groups) => Math.max(most, groups.find(overhang)?.area ?? 0), 1e-9);
     const order = ['aid', 'body', 'overhang', 'island', 'appears'];
     for (const wanted of order) {
       pen.fillStyle = colour(wanted);
       rows.forEach((groups, k) => {
         const { bottom, top } = this.layers.all[k];
-        for (const { kind, runs } of groups) {
+        for (const { kind, area, runs } of groups) {
           if (this.kinds[kind]?.name !== wanted || !runs.length) continue;
           const least = wanted === 'appears' ? 2 : 0.5;
           // On whole pixels, so that no seams show between layers.
@@ -96,11 +98,15 @@ class Strip {
           const height = Math.max(whole(this.y(bottom)) - y, least);
           if (wanted !== 'overhang') {
             for (const [from, to] of runs) {
-              pen.fillRect(middle + (from - centre) * scale, y, Math.max((to - from) * scale, 1), height);
+              // A prime line at the other end of the plate ends where the marks begin.
+              const left = Math.max(middle + (from - centre) * scale, 2);
+              const right = Math.min(middle + (to - centre) * scale, width - lanes - 4);
+              if (right > left - 1) pen.fillRect(left, y, Math.max(right - left, 1), height);
             }
           }
           if (wanted === 'appears') pen.fillRect(width - lanes, y, 10, Math.max(height, 2));
-          if (wanted === 'overhang') pen.fillRect(width - lanes + 12, y, 4, height);
+          // As long as the side of a square of that area would be.
+          if (wanted === 'overhang') pen.fillRect(width - lanes + 12, y, 12 * Math.sqrt(Math.max(area, 0) / most), height);
         }
       });
     }

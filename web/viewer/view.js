@@ -13,6 +13,11 @@ function mm(value, digits = 2) {
   return (/^-0\.?0*$/.test(text) ? text.slice(1) : text).replace('-', '−');
 }
 
+/** A height for people: to a hundredth, and to a micrometre where layers need it. */
+function height(value) {
+  return value.toFixed(3).replace(/0$/, '');
+}
+
 /** The value of a colour variable of the page. */
 function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
@@ -37,6 +42,11 @@ class LayerView {
   show(groups, below, marked) {
     Object.assign(this, { groups, below, marked });
     this.draw();
+  }
+
+  /** Height in CSS pixels that buttons cover below: on narrow screens all of the width. */
+  get covered() {
+    return this.canvas.clientWidth < 560 ? 52 : 0;
   }
 
   /** Size in CSS pixels. */
@@ -107,7 +117,8 @@ class LayerView {
     if (!this.hidden.has('below')) this.outlines(pen);
     pen.strokeStyle = colour('appears');
     pen.lineWidth = 1.5;
-    for (const [x, y] of rings) this.ring(pen, x, y, 11);
+    // With more, rings are all that would be seen.
+    for (const [x, y] of rings.slice(0, 200)) this.ring(pen, x, y, 11);
     if (this.marked) this.mark(pen, this.marked);
     this.scaleBar(pen, height);
   }
@@ -192,13 +203,13 @@ class LayerView {
       const [x] = this.toPx([k * step, 0]);
       pen.strokeStyle = strong(k);
       line([x, 0], [x, height]);
-      if (x > 120 && x < width - 20) labels.push([mm(k * step, digits), x, height - 62, 'center']);
+      if (x > (this.covered ? 110 : 30) && x < width - 20) labels.push([mm(k * step, digits), x, height - (this.covered || 50) - 12, 'center']);
     }
     for (let k = Math.ceil(bottom / step); k * step <= top; k++) {
       const [, y] = this.toPx([0, k * step]);
       pen.strokeStyle = strong(k);
       line([0, y], [width, y]);
-      if (y > 56 && y < height - 80) labels.push([mm(k * step, digits), 6, y - 3, 'left']);
+      if (y > 56 && y < height - 80 - this.covered) labels.push([mm(k * step, digits), 6, y - 3, 'left']);
     }
     for (const [words, x, y, align] of labels) {
       pen.textAlign = align;
@@ -208,7 +219,7 @@ class LayerView {
 
   scaleBar(pen, height) {
     const length = roundStep(60 / this.scale);
-    const [x, y] = [14, height - 20];
+    const [x, y] = [14, height - 20 - this.covered];
     const end = x + length * this.scale;
     pen.strokeStyle = colour('ink');
     pen.lineWidth = 1.5;

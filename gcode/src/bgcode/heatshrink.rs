@@ -21,7 +21,7 @@ const MAX_MATCH: usize = 1 << LENGTH_BITS;
 const MIN_MATCH: usize = 3;
 
 /// Candidates looked at for one match, the nearest first: G-code packed once already repeats little.
-const MAX_CANDIDATES: usize = 128;
+const MAX_CANDIDATES: usize = 48;
 
 /// Unpacks a block; `None` when it does not give exactly `unpacked_bytes`.
 pub(super) fn unpack(data: &[u8], window_bits: u32, unpacked_bytes: usize) -> Option<Vec<u8>> {

@@ -9,11 +9,12 @@
 //!   resets
 //! - a packed line feed in the first half ends the byte: the second half fills up
 //!
-//! libbgcode's encoder takes the spaces out of motions, and its decoder puts one
-//! before each of `X Y Z E F I J R G P W H C A` in a line that begins with `G`, and
-//! drops blank lines. Ours gives the same text for every line that begins with a
-//! `G` and a digit. Where another line begins with a `G` (a macro's name), libbgcode
-//! tears it apart with spaces; firmware does not, nor do we.
+//! libbgcode's encoder takes the spaces out of motions, and its decoder drops blank
+//! lines and puts a space before each of `X Y Z E F I J R G P W H C A S` in a line
+//! that begins with `G` (older versions have fewer letters). Ours gives the same text
+//! for every line that begins with a `G` and a digit. Where another line begins with
+//! a `G` (a macro's name), libbgcode tears it apart with spaces; firmware does not,
+//! nor do we.
 //!
 //! Does not know what the commands mean. The crate `meatpack` 0.1 (its first
 //! release) puts no spaces back, so that its text is not what libbgcode gives.
@@ -36,7 +37,7 @@ const SPACE: u8 = 11;
 const WHOLE: u8 = 15;
 
 /// Words that get a space before them in a line of `G` and a number.
-const PARAMETERS: &[u8] = b"XYZEFIJRGPWHCA";
+const PARAMETERS: &[u8] = b"XYZEFIJRGPWHCAS";
 
 /// Puts the spaces back and drops blank lines.
 #[derive(Debug, Default)]
@@ -175,7 +176,8 @@ pub(super) fn pack(text: &[u8], comments: bool) -> Result<Vec<u8>, Fault> {
     if memchr::memchr(SIGNAL, text).is_some() {
         return Err(Fault::Unpackable);
     }
-    let mut packer = Packer { out: Vec::with_capacity(text.len() * 2 / 3 + 9), packing: true };
+    let out = Vec::with_capacity(text.len() * 2 / 3 + 9);
+    let mut packer = Packer { out, packing: true, bare: Vec::new(), again: Vec::new() };
     packer.command(ENABLE_PACKING);
     packer.command(ENABLE_NO_SPACES);
     for line in crate::line::split_lines(text) {
@@ -190,6 +192,9 @@ pub(super) fn pack(text: &[u8], comments: bool) -> Result<Vec<u8>, Fault> {
 struct Packer {
     out: Vec<u8>,
     packing: bool,
+    /// Room for a line without its spaces, and with them again.
+    bare: Vec<u8>,
+    again: Vec<u8>,
 }
 
 impl Packer {
@@ -217,51 +222,57 @@ impl Packer {
         if !std::mem::replace(&mut self.packing, true) {
             self.command(ENABLE_PACKING);
         }
-        self.pairs(&without_spaces(code));
-    }
-
-    /// The line and its end, two characters at a time.
-    fn pairs(&mut self, code: &[u8]) {
-        let mut characters = code.iter().copied().chain([b'\n']);
-        while let Some(first) = characters.next() {
-            let second = characters.next().unwrap_or(b'\n');
-            let (a, b) = (half(first), half(second));
-            self.out.push(a.unwrap_or(WHOLE) | (b.unwrap_or(WHOLE) << 4));
-            if a.is_none() {
-                self.out.push(first);
-            }
-            if b.is_none() {
-                self.out.push(second);
-            }
+        if self.without_spaces(code) {
+            pairs(&self.bare, &mut self.out);
+        } else {
+            pairs(code, &mut self.out);
         }
     }
-}
 
-/// The half byte of a character, where there are no spaces.
-fn half(character: u8) -> Option<u8> {
-    match character {
-        b'E' => Some(SPACE),
-        b' ' => None,
-        other => PACKED.iter().position(|p| *p == other).map(|k| k as u8),
-    }
-}
-
-/// A motion without its spaces, where the decoder puts back just these; any other line as it is.
-fn without_spaces(code: &[u8]) -> std::borrow::Cow<'_, [u8]> {
-    let motion = matches!(code, [b'G', digit, ..] if digit.is_ascii_digit());
-    if motion && code.contains(&b' ') {
-        let bare: Vec<u8> = code.iter().copied().filter(|b| *b != b' ').collect();
-        let mut again = Vec::with_capacity(code.len());
+    /// A motion without its spaces into `bare`, if the decoder puts back just these.
+    fn without_spaces(&mut self, code: &[u8]) -> bool {
+        if !matches!(code, [b'G', digit, ..] if digit.is_ascii_digit()) {
+            return false;
+        }
+        self.bare.clear();
+        self.again.clear();
         let mut spacer = Spacer::default();
-        for byte in &bare {
-            spacer.put(*byte, &mut again);
+        for &byte in code.iter().filter(|b| **b != b' ') {
+            self.bare.push(byte);
+            spacer.put(byte, &mut self.again);
         }
-        if again == code {
-            return bare.into();
+        self.again == code
+    }
+}
+
+/// A line and its end, two characters at a time.
+fn pairs(code: &[u8], out: &mut Vec<u8>) {
+    let mut characters = code.iter().copied().chain([b'\n']);
+    while let Some(first) = characters.next() {
+        let second = characters.next().unwrap_or(b'\n');
+        let (a, b) = (HALF[usize::from(first)], HALF[usize::from(second)]);
+        out.push(a | (b << 4));
+        if a == WHOLE {
+            out.push(first);
+        }
+        if b == WHOLE {
+            out.push(second);
         }
     }
-    code.into()
 }
+
+/// The half byte of each character, where there are no spaces.
+const HALF: [u8; 256] = {
+    let mut table = [WHOLE; 256];
+    let mut k = 0;
+    while k < PACKED.len() {
+        table[PACKED[k] as usize] = k as u8;
+        k += 1;
+    }
+    table[b' ' as usize] = WHOLE;
+    table[b'E' as usize] = SPACE;
+    table
+};
 
 #[cfg(test)]
 mod tests {
@@ -314,7 +325,7 @@ mod tests {
         // Blank lines go, but for one before all.
         check(&[b"\n\nG1\n\n\nG1\n\n"], "\nG1\nG1\n");
         // A line that begins with G and no digit is a name.
-        check(&[b"GET_POSITION\nG28XYZ\nM1XY\nG1S1F2\n"], "GET_POSITION\nG28 X Y Z\nM1XY\nG1S1 F2\n");
+        check(&[b"GET_POSITION\nG28XYZ\nM1XY\nG1S1T1F2\n"], "GET_POSITION\nG28 X Y Z\nM1XY\nG1 S1T1 F2\n");
         // An unknown command is nothing; a signal alone is two whole characters.
         check(&[ON, b"\xff\xff\x01\xffaY\xcc"], "aY\n");
         check(&[b"\xffA\xff"], "\u{fffd}A");
@@ -333,7 +344,7 @@ mod tests {
         check_pack("G1 X1 ; right\n;TYPE:Perimeter\n\n", true, "G1 X1\n;TYPE:Perimeter\n");
         check_pack("G1 X1 ; right\n;TYPE:Perimeter\n\r\n", false, "G1 X1\n");
         check_pack(" ; far in\nM117 Hello  World E\n", true, " ; far in\nM117 Hello  World E\n");
-        check_pack("G4 S1\nG1  X1\nG1X1\n", true, "G4 S1\nG1  X1\nG1 X1\n");
+        check_pack("G10 L2 S1\nG1  X1\nG1X1\n", true, "G10 L2 S1\nG1  X1\nG1 X1\n");
         check_pack("M84", true, "M84\n");
         check_pack("M84\n; the end", true, "M84\n; the end");
         check_pack("M486 AShape G1 E2\nG28 W\n", true, "M486 AShape G1 E2\nG28 W\n");

@@ -26,7 +26,7 @@ mod writer;
 
 pub use error::{Error, Fault, damage};
 pub use header::{BlockHeader, Checksum, Compression, Encoding, FileHeader, Kind, MAGIC};
-pub use reader::{Block, Reader};
+pub use reader::{Block, Pairs, Reader};
 pub use survey::{Survey, survey};
 pub use text::{Text, bare_text, text};
 pub use writer::{BLOCK_TEXT_BYTES, Packing, Writer, block, file_header};

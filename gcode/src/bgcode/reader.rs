@@ -12,6 +12,9 @@ use std::io::Read;
 /// Parameters of a block of unknown kind are looked for up to this, bytes.
 const MAX_UNKNOWN_PARAMETER_BYTES: usize = 32;
 
+/// Keys and values.
+pub type Pairs = Vec<(Vec<u8>, Vec<u8>)>;
+
 /// Gives the blocks of a file.
 #[derive(Debug)]
 pub struct Reader<R> {
@@ -83,7 +86,7 @@ impl Block {
     ///
     /// # Errors
     /// [`Fault::Unpack`].
-    pub fn metadata(&self) -> Result<Vec<(Vec<u8>, Vec<u8>)>, Error> {
+    pub fn metadata(&self) -> Result<Pairs, Error> {
         if !self.header.kind.is_metadata() || self.parameters() != [0, 0] {
             return Ok(Vec::new());
         }

@@ -1,6 +1,6 @@
 //! G-code text into blocks.
 //!
-//! Takes text in any pieces, cuts it at line ends into blocks of at most
+//! Takes whole lines, cuts the text at line ends into blocks of at most
 //! [`BLOCK_TEXT_BYTES`] as libbgcode does, packs each, and reads it back from its
 //! own bytes before it is written. Knows no other kind of block; those are copied
 //! from where they came ([`super::Block::raw`]) or made by [`block`].
@@ -25,18 +25,6 @@ pub struct Packing {
     pub encoding: Encoding,
     /// What each block ends with.
     pub checksum: Checksum,
-}
-
-/// What is read back of some whole lines.
-fn read_back(lines: &[u8], encoding: Encoding) -> Result<Cow<'_, [u8]>, Fault> {
-    Ok(match encode(lines, encoding)? {
-        Cow::Borrowed(same) => Cow::Borrowed(same),
-        Cow::Owned(packed) => {
-            let mut text = Vec::with_capacity(lines.len());
-            meatpack::Unpacker::default().unpack(&packed, &mut text);
-            Cow::Owned(text)
-        }
-    })
 }
 
 /// A file's header, as it stands at its beginning.
@@ -84,7 +72,7 @@ fn encode(text: &[u8], encoding: Encoding) -> Result<Cow<'_, [u8]>, Fault> {
 pub struct Writer<W> {
     out: W,
     packing: Packing,
-    /// Text that is not written yet.
+    /// Text that is not written yet, as it will be read back.
     text: Vec<u8>,
     blocks: u32,
     bytes: u64,
@@ -96,22 +84,15 @@ impl<W: Write> Writer<W> {
         Writer { out, packing, text: Vec::new(), blocks: 0, bytes: 0 }
     }
 
-    /// What is read back of some whole lines: the same for [`Encoding::None`]; else
-    /// without blank lines and comments behind commands, and with a space before
-    /// each word of a motion.
-    ///
-    /// # Errors
-    /// [`Fault::Unpackable`].
-    pub fn read_back<'a>(&self, lines: &'a [u8]) -> Result<Cow<'a, [u8]>, Error> {
-        read_back(lines, self.packing.encoding).map_err(|fault| self.error(fault))
-    }
-
-    /// Takes the next piece of text.
+    /// Takes the next whole lines (the last of all may lack its end), and gives what
+    /// a reader will find: the same for [`Encoding::None`]; else without blank lines
+    /// and comments behind commands, and with a space before each word of a motion.
     ///
     /// # Errors
     /// The writer's; or with an [`Error`] inside, what makes the text unfit (its block is counted from 1).
-    pub fn put(&mut self, text: &[u8]) -> std::io::Result<()> {
-        self.text.extend_from_slice(text);
+    pub fn put<'a>(&mut self, lines: &'a [u8]) -> std::io::Result<Cow<'a, [u8]>> {
+        let found = self.read_back(lines)?;
+        self.text.extend_from_slice(&found);
         let mut from = 0;
         while self.text.len() - from > BLOCK_TEXT_BYTES {
             let rest = &self.text[from..];
@@ -128,7 +109,15 @@ impl<W: Write> Writer<W> {
             from += end + 1;
         }
         self.text.drain(..from);
-        Ok(())
+        Ok(found)
+    }
+
+    fn read_back<'a>(&self, lines: &'a [u8]) -> Result<Cow<'a, [u8]>, Error> {
+        let encoded = encode(lines, self.packing.encoding).map_err(|fault| self.error(fault))?;
+        let Cow::Owned(packed) = encoded else { return Ok(Cow::Borrowed(lines)) };
+        let mut text = Vec::with_capacity(lines.len());
+        meatpack::Unpacker::default().unpack(&packed, &mut text);
+        Ok(Cow::Owned(text))
     }
 
     /// Writes what is left, and gives the writer back.
@@ -161,10 +150,7 @@ impl<W: Write> Writer<W> {
         }
         let parameters = (encoding as u16).to_le_bytes();
         let packed = block(Kind::GCode, &parameters, &data, compression, checksum);
-        let again = read_block(&packed, checksum).map_err(|_| Fault::Mismatch)?;
-        if again != *read_back(text, encoding)? {
-            return Err(Fault::Mismatch);
-        }
+        prove(&packed, checksum, text)?;
         Ok(packed)
     }
 
@@ -173,15 +159,19 @@ impl<W: Write> Writer<W> {
     }
 }
 
-/// The text of one G-code block, from its bytes as they stand in a file.
-fn read_block(packed: &[u8], checksum: Checksum) -> Result<Vec<u8>, Error> {
+/// Reads a block from its bytes as they will stand in the file: it must give the text.
+fn prove(packed: &[u8], checksum: Checksum, expect: &[u8]) -> Result<(), Fault> {
     let header = file_header(checksum);
-    let mut reader = Reader::new(std::io::Read::chain(&header[..], packed))?;
-    let mut text = Vec::new();
-    while let Some(block) = reader.next_block()? {
-        unpack_block(&block, &mut text)?;
-    }
-    Ok(text)
+    let mut found = Vec::new();
+    let mut read = || -> Result<(), Error> {
+        let mut reader = Reader::new(std::io::Read::chain(&header[..], packed))?;
+        while let Some(block) = reader.next_block()? {
+            unpack_block(&block, &mut found)?;
+        }
+        Ok(())
+    };
+    let whole = read().is_ok();
+    if whole && found == expect { Ok(()) } else { Err(Fault::Mismatch) }
 }
 
 #[cfg(test)]
@@ -219,7 +209,7 @@ mod tests {
     fn blocks_end_with_lines() {
         let text = b"G1 X10 Y20 E.5\n;TYPE:Perimeter\n".repeat(10_000);
         for encoding in [Encoding::None, Encoding::MeatPackComments] {
-            let pieces: Vec<&[u8]> = text.chunks(1000).collect();
+            let pieces: Vec<&[u8]> = text.chunks(32 * 31).collect();
             let texts = texts(&written(&pieces, packing(Compression::Deflate, encoding)).unwrap());
             assert!(texts.len() > 4);
             for text in &texts[..texts.len() - 1] {
@@ -250,17 +240,39 @@ mod tests {
         assert_eq!(written(&[], plain).unwrap(), file_header(SUM));
     }
 
+    #[test]
+    fn nothing_else_than_the_text_is_let_through() {
+        let text = b"G1 X1 Y2 E.5\nM84\n";
+        let data = meatpack::pack(text, true).unwrap();
+        for checksum in [Checksum::None, SUM] {
+            let packed = block(Kind::GCode, &[2, 0], &data, Compression::None, checksum);
+            assert!(prove(&packed, checksum, text).is_ok());
+            assert!(prove(&packed, checksum, b"G1 X1 Y2 E.6\nM84\n").is_err());
+            assert!(prove(&packed[..packed.len() - 1], checksum, text).is_err());
+            // A mistake of the packer's: the checksum would be right.
+            let mut other = data.clone();
+            other[8] ^= 1;
+            let wrong = block(Kind::GCode, &[2, 0], &other, Compression::None, checksum);
+            assert!(matches!(prove(&wrong, checksum, text), Err(Fault::Mismatch)));
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
-        fn text_comes_back(lines in prop::collection::vec("[GM;]?[ -~]{0,40}", 0..50), cut in 1usize..99) {
-            let text: Vec<u8> = lines.iter().flat_map(|l| [l.as_bytes(), b"\n"].concat()).collect();
-            let pieces: Vec<&[u8]> = text.chunks(cut).collect();
+        fn text_comes_back(lines in prop::collection::vec("[GM;]?[ -~]{0,40}", 0..50), cut in 1usize..9) {
+            let lines: Vec<Vec<u8>> = lines.iter().map(|l| [l.as_bytes(), b"\n"].concat()).collect();
+            let text = lines.concat();
+            let pieces: Vec<Vec<u8>> = lines.chunks(cut).map(<[Vec<u8>]>::concat).collect();
+            let pieces: Vec<&[u8]> = pieces.iter().map(Vec::as_slice).collect();
             for compression in [Compression::None, Compression::Deflate, Compression::Heatshrink11, Compression::Heatshrink12] {
                 for encoding in [Encoding::None, Encoding::MeatPack, Encoding::MeatPackComments] {
-                    let packing = packing(compression, encoding);
-                    let back = texts(&written(&pieces, packing).unwrap()).concat();
-                    prop_assert_eq!(&back[..], &read_back(&text, encoding).unwrap()[..]);
+                    let mut writer = Writer::new(file_header(SUM).to_vec(), packing(compression, encoding));
+                    let mut expect = Vec::new();
+                    for piece in &pieces {
+                        expect.extend_from_slice(&writer.put(piece).unwrap());
+                    }
+                    prop_assert_eq!(texts(&writer.finish().unwrap()).concat(), expect);
                 }
                 let exact = written(&pieces, packing(compression, Encoding::None)).unwrap();
                 prop_assert_eq!(texts(&exact).concat(), text.clone());

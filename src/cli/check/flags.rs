@@ -1,6 +1,6 @@
 //! The flags of `check` that have something to say about numbers.
 use super::kind::Kind;
-use super::{Args, Overhang};
+use super::{Args, Finding, Overhang};
 use crate::layers::from_mesh::{MAX_LAYER_MM, MIN_LAYER_MM};
 use clap::{Args as ClapArgs, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -127,6 +127,22 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
         Some(_) => Ok(path),
         None => Err("its name must end in .svg, .png or .html".to_owned()),
     }
+}
+
+/// Why options do not go together.
+pub(super) fn at_odds(args: &Args) -> Option<String> {
+    if args.fail_on.contains(&Finding::Overhangs) && args.overhang == Overhang::None {
+        return Some("--fail-on overhangs looks for none with --overhang none".to_owned());
+    }
+    let same =
+        |a: &Path, b: &Path| a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    for (name, to) in [("--json", &args.json), ("--picture", &args.picture)] {
+        if to.as_ref().is_some_and(|to| same(to, &args.file)) {
+            return Some(format!("{name} would replace {} itself; name another file", args.file.display()));
+        }
+    }
+    let (Some(json), Some(picture)) = (&args.json, &args.picture) else { return None };
+    same(json, picture).then(|| "--json and --picture name the same file".to_owned())
 }
 
 /// Why options do not go with a file of this kind.

@@ -70,6 +70,11 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Opened> {
 /// What the beginning and the length of a file make it.
 fn told(beginning: &[u8], bytes: u64, named_stl: bool) -> Result<Kind, &'static str> {
     if beginning.starts_with(b"PK\x03\x04") || beginning.starts_with(b"PK\x05\x06") {
+        // 3MF is a zip too; its first entries are these.
+        let name = beginning.get(30..).unwrap_or_default();
+        if [&b"[Content_Types].xml"[..], b"3D/", b"_rels/"].iter().any(|n| name.starts_with(n)) {
+            return Err("it is a 3MF model; export it as STL");
+        }
         return Ok(Kind::Archive);
     }
     if beginning.starts_with(b"GCDE") {
@@ -152,6 +157,7 @@ mod tests {
             assert_eq!(told(beginning, bytes, false).ok(), expect, "{}", String::from_utf8_lossy(beginning));
         };
         check(b"PK\x03\x04...", 99, Some(Kind::Archive));
+        check(b"PK\x03\x04..........................3D/3dmodel.model", 99, None);
         check(b"GCDE\x01", 99, Some(Kind::Gcode));
         check(&stl("solid of an exporter", 2), 184, Some(Kind::Stl));
         check(&stl("G1 X1", 2), 184, Some(Kind::Stl));

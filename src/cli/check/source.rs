@@ -5,6 +5,7 @@ use super::watch::Eye;
 use super::{Args, Overhang, material};
 use crate::cli::{files, progress};
 use crate::detect::overhang::{self, SelfSupport};
+use crate::detect::overhang_normal;
 use crate::detect::walk::{Ask, Findings, ImageAsk, LayerAsk, walk};
 use crate::layers::from_gcode;
 use crate::layers::from_images::FromImages;
@@ -86,7 +87,7 @@ fn examine<L: Layers>(
     layers: &mut L,
     ask: &Ask,
     mut report: Report,
-) -> anyhow::Result<(Report, Option<Survey>)> {
+) -> anyhow::Result<(Report, Eye)> {
     let bar = progress::layers(layers.count(), args.quiet);
     let wants_page = args.picture.as_deref().and_then(drawing) == Some(Drawing::Html);
     let survey = args.picture.is_some().then(|| Survey::new(wants_page));
@@ -96,7 +97,7 @@ fn examine<L: Layers>(
     anyhow::ensure!(found.layers > 0, "it holds no layer, so there is nothing to check");
     report.seconds = eye.seconds_with(report.seconds);
     put(&mut report, found, &eye);
-    Ok((report, eye.survey))
+    Ok((report, eye))
 }
 
 fn put(report: &mut Report, found: Findings, eye: &Eye) {
@@ -111,11 +112,8 @@ fn put(report: &mut Report, found: Findings, eye: &Eye) {
     report.small_islands = islands(&found.islands.small);
     report.floating_supports = islands(&found.islands.floating_aid);
     report.unlisted_islands = found.islands.unlisted;
-    for overhangs in [found.image, found.layer].into_iter().flatten() {
-        let overhangs = tops.overhangs(&overhangs);
-        report.overhangs_by_method.insert(overhangs.method, overhangs.clone());
-        // Of all detectors the report's own is that of the polygons.
-        report.overhangs = Some(overhangs);
+    for overhangs in [found.layer, found.image].into_iter().flatten() {
+        report.put_overhangs(tops.overhangs(&overhangs));
     }
 }
 
@@ -136,6 +134,7 @@ fn mesh(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
         mended: Some(serde_json::to_value(read.mended)?),
         ..Report::default()
     };
+    report.warnings = read.warnings();
     report.warnings.extend(doubt.map(|doubt| doubt.to_string()));
     report.seconds.read = started.elapsed().as_secs_f64();
     let layer_mm = args.model.layer_height.unwrap_or(LAYER_MM);
@@ -143,17 +142,23 @@ fn mesh(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let prepared = Instant::now();
     let mut layers = FromMesh::new(&mesh, heights)?;
     report.seconds.slice = prepared.elapsed().as_secs_f64();
-    let (mut report, survey) = examine(args, &mut layers, &ask(args, rules), report)?;
+    let (mut report, eye) = examine(args, &mut layers, &ask(args, rules), report)?;
+    if [Overhang::Normal, Overhang::All].contains(&args.overhang) {
+        let began = Instant::now();
+        let found = overhang_normal::overhangs(&mesh, &rules, |z_mm| eye.tops.layer_at(z_mm));
+        report.put_overhangs(eye.tops.overhangs(&found));
+        report.seconds.overhangs += began.elapsed().as_secs_f64();
+    }
     report.warnings.extend(slicing_words(layers.sliced()));
-    Ok(Checked { report, mended_words: String::new(), survey })
+    let mended_words = if read.mended.done().is_empty() { String::new() } else { read.mended.to_string() };
+    Ok(Checked { report, mended_words, survey: eye.survey })
 }
 
 /// What slicing met that the user should know.
 fn slicing_words(sliced: Sliced) -> Option<String> {
     (sliced.open_layers > 0).then(|| {
         format!(
-            "the mesh has holes: {} layers, from layer {} on, have contours that were open; they were closed \
-             over gaps of up to {:.2} mm, so what is found there may be wrong",
+            "contours were open in {} layers, from layer {} on: they were closed by straight lines of up to {:.2} mm",
             sliced.open_layers,
             sliced.first_open_layer.unwrap_or_default(),
             sliced.widest_gap_mm
@@ -175,8 +180,8 @@ fn gcode(args: &Args, mut opened: Opened) -> anyhow::Result<Checked> {
     let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
     report.warnings = tracing_words(layers.facts());
     report.seconds.read = started.elapsed().as_secs_f64();
-    let (report, survey) = examine(args, &mut layers, &ask(args, rules), report)?;
-    Ok(Checked { report, mended_words: String::new(), survey })
+    let (report, eye) = examine(args, &mut layers, &ask(args, rules), report)?;
+    Ok(Checked { report, mended_words: String::new(), survey: eye.survey })
 }
 
 /// What had to be guessed in G-code that the user should know.
@@ -215,6 +220,6 @@ fn archive(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
     report.seconds.read = started.elapsed().as_secs_f64();
     let mut layers: FromImages<BufReader<File>> = FromImages::new(job);
-    let (report, survey) = examine(args, &mut layers, &ask(args, rules), report)?;
-    Ok(Checked { report, mended_words: String::new(), survey })
+    let (report, eye) = examine(args, &mut layers, &ask(args, rules), report)?;
+    Ok(Checked { report, mended_words: String::new(), survey: eye.survey })
 }

@@ -1,5 +1,5 @@
 //! What was found, as a table for people who print.
-use crate::report::check::{Island, Overhangs, Region, Report};
+use crate::report::check::{Island, Overhangs, Region, Report, height_words};
 
 /// Rows of a list; the others are counted.
 const ROWS_MAX: usize = 20;
@@ -13,7 +13,7 @@ pub(super) fn table(report: &Report, mended: &str) -> String {
         rules.material, rules.angle_deg, rules.bridge_mm, rules.min_area_mm2
     ));
     if !mended.is_empty() {
-        lines.push(mended.to_owned());
+        lines.push(capital(mended));
     }
     lines.extend(report.warnings.iter().map(|warning| format!("Warning: {warning}")));
     lines.push(String::new());
@@ -63,10 +63,11 @@ fn islands(lines: &mut Vec<String>, report: &Report) {
         ));
     }
     if let floating @ 1.. = report.floating_supports.len() as u64 {
-        lines.push(
-            format!("{} that begins in the air:", capital(&count(floating, "piece of support")))
-                .replace("pieces of support that begins", "pieces of support that begin"),
-        );
+        let what = match floating {
+            1 => "1 piece of support, brim or tower begins".to_owned(),
+            n => format!("{n} pieces of support, brim or tower begin"),
+        };
+        lines.push(format!("{what} with nothing right below (slicers leave a gap over the part):"));
         lines.extend(report.floating_supports.iter().take(ROWS_MAX).map(island));
         more(lines, floating);
     }
@@ -81,11 +82,16 @@ fn more(lines: &mut Vec<String>, all: u64) {
 /// `layer 26 (Z 5.20 mm): 5.61 mm² at X 8.5 Y -8.5, joins the part at Z 24.00`
 fn island(island: &Island) -> String {
     let end = if island.joins {
-        format!("joins the part at Z {:.2}", island.end_top_mm)
+        format!("joins the part at Z {}", height_words(island.end_top_mm))
     } else {
         "never joins the part".to_owned()
     };
-    format!("{}, {end}", place(island.layer, island.top_mm, island.area_mm2, island.centroid_mm))
+    let grows = if island.max_area_mm2 > 2.0 * island.area_mm2 {
+        format!(", grows to {:.2} mm²", island.max_area_mm2)
+    } else {
+        String::new()
+    };
+    format!("{}{grows}, {end}", place(island.layer, island.top_mm, island.area_mm2, island.centroid_mm))
 }
 
 fn place(layer: u32, top_mm: f64, area_mm2: f64, [x, y]: [f64; 2]) -> String {
@@ -93,7 +99,8 @@ fn place(layer: u32, top_mm: f64, area_mm2: f64, [x, y]: [f64; 2]) -> String {
     // Away with the sign of −0.
     let tenths = |mm: f64| (mm * 10.0).round() / 10.0 + 0.0;
     format!(
-        "  layer {layer:>5} (Z {top_mm:>7.2} mm): {area:>9} mm² at X {:>6.1} Y {:>6.1}",
+        "  layer {layer:>5} (Z {:>7} mm): {area:>9} mm² at X {:>6.1} Y {:>6.1}",
+        height_words(top_mm),
         tenths(x),
         tenths(y)
     )
@@ -121,11 +128,13 @@ fn overhangs(lines: &mut Vec<String>, found: &Overhangs, min_area_mm2: f64) {
 }
 
 fn region(region: &Region) -> String {
-    let end = match (region.island, region.end_layer > region.layer) {
-        (true, _) => ", an island".to_owned(),
-        (false, true) => format!(", up to Z {:.2}", region.end_top_mm),
-        (false, false) => String::new(),
-    };
+    let mut end = String::new();
+    if region.end_layer > region.layer {
+        end += &format!(", up to Z {}", height_words(region.end_top_mm));
+    }
+    if region.island {
+        end += ", with an island";
+    }
     format!("{}{end}", place(region.layer, region.top_mm, region.area_mm2, region.centroid_mm))
 }
 

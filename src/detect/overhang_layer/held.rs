@@ -8,13 +8,16 @@ use crate::layers::shape::{Point, Polygon, Ring};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Booleans move points by up to a grid step; what is this near an edge lies on it.
-const NEAR: f64 = 1.5;
+pub(super) const NEAR: f64 = 1.5;
 
 /// Widest part of a circle for which one chord stands, radians: it keeps within 0.4 % of the radius.
 const CHORD: f64 = std::f64::consts::PI / 18.0;
 
 /// A vector or a place in grid steps.
 pub(super) type V = [f64; 2];
+
+/// From a place to a place.
+pub(super) type Edge = (V, V);
 
 pub(super) fn at(p: Point) -> V {
     [f64::from(p.x), f64::from(p.y)]
@@ -101,35 +104,82 @@ impl Index {
 }
 
 impl Residual {
-    /// For each held edge the rectangle over it that it holds, and at each vertex of one
-    /// the part of a circle between: within `reach` grid steps of the held edges as far
-    /// as the piece is on that side. All counter-clockwise; they overlap.
-    pub(super) fn sectors(&self, reach: f64) -> Vec<Ring> {
-        let mut sectors = Vec::new();
+    /// The edges of a ring that are not held.
+    pub(super) fn free(&self) -> Vec<Edge> {
+        let mut free = Vec::new();
         for (ring, held) in self.polygon.rings.iter().zip(&self.held) {
-            let n = ring.len();
-            let way: Vec<V> = (0..n).map(|k| unit(minus(at(ring[(k + 1) % n]), at(ring[k])))).collect();
-            for k in 0..n {
-                let before = (k + n - 1) % n;
-                let (a, b) = (ring[k], ring[(k + 1) % n]);
-                if held[k] {
-                    let up = left(way[k]);
-                    let far = |p: Point| point(at(p), up, reach);
-                    sectors.push(vec![a, b, far(b), far(a)]);
-                }
-                if held[k] || held[before] {
-                    let from = if held[k] { left(way[k]) } else { way[k] };
-                    let back = [-way[before][0], -way[before][1]];
-                    let to = if held[before] { left(way[before]) } else { back };
-                    // The whole angle of the piece here, without what the rectangles cover.
-                    let covered = f64::from(u8::from(held[k]) + u8::from(held[before])) * FRAC_PI_2;
-                    let angle = turn(way[k], back) - covered;
-                    sectors.extend(slice(a, from, to, angle, reach));
-                }
+            let ends = ring.iter().zip(ring.iter().cycle().skip(1)).zip(held);
+            free.extend(ends.filter(|(_, held)| !**held).map(|((a, b), _)| (at(*a), at(*b))));
+        }
+        free
+    }
+
+    /// What all held edges hold; see [`Residual::sectors_of`].
+    pub(super) fn sectors(&self, reach: f64) -> Vec<Sector> {
+        let rings = self.polygon.rings.iter().enumerate();
+        rings.flat_map(|(of, ring)| self.sectors_of(of, 0, ring.len(), reach)).collect()
+    }
+
+    /// For each held edge of some edges of a ring the rectangle over it that it holds, and
+    /// at each vertex of one the part of a circle between: within `reach` grid steps of
+    /// the held edges as far as the piece is on that side. They overlap.
+    pub(super) fn sectors_of(&self, of: usize, from: usize, edges: usize, reach: f64) -> Vec<Sector> {
+        let (ring, held) = (&self.polygon.rings[of], &self.held[of]);
+        let n = ring.len();
+        let way = |k: usize| unit(minus(at(ring[(k + 1) % n]), at(ring[k])));
+        let mut sectors = Vec::new();
+        let mut in_way = way((from + n - 1) % n);
+        for k in (from..=from + edges).map(|k| k % n) {
+            let before = (k + n - 1) % n;
+            let (a, b, out_way) = (ring[k], ring[(k + 1) % n], way(k));
+            if held[k] {
+                sectors.push(rectangle(at(a), at(b), reach));
             }
+            if held[k] || held[before] {
+                let back = [-in_way[0], -in_way[1]];
+                let start = if held[k] { left(out_way) } else { out_way };
+                let end = if held[before] { left(in_way) } else { back };
+                // The whole angle of the piece here, without what the rectangles cover.
+                let covered = f64::from(u8::from(held[k]) + u8::from(held[before])) * FRAC_PI_2;
+                let angle = turn(out_way, back) - covered;
+                let slice = slice(a, start, end, angle, reach);
+                sectors.extend(slice.map(|ring| Sector { ring, source: (at(a), at(a)) }));
+            }
+            in_way = out_way;
         }
         sectors
     }
+}
+
+/// What one held edge or vertex holds.
+#[derive(Debug)]
+pub(super) struct Sector {
+    /// Counter-clockwise.
+    pub(super) ring: Ring,
+    /// The edge, or twice the vertex.
+    pub(super) source: Edge,
+}
+
+impl Sector {
+    /// The same in parts no longer than the reach.
+    pub(super) fn parts(self, reach: f64) -> Vec<Sector> {
+        let (a, b) = self.source;
+        let along = minus(b, a);
+        let count = (along[0].hypot(along[1]) / reach.max(1.0)).ceil();
+        if count <= 1.0 {
+            return vec![self];
+        }
+        let stop = |k: u32| [0, 1].map(|c: usize| a[c] + along[c] * f64::from(k) / count);
+        (0..count as u32).map(|k| rectangle(stop(k), stop(k + 1), reach)).collect()
+    }
+}
+
+/// The rectangle to the left of an edge.
+fn rectangle(a: V, b: V, reach: f64) -> Sector {
+    let up = left(unit(minus(b, a)));
+    let near = |p: V| point(p, up, 0.0);
+    let far = |p: V| point(p, up, reach);
+    Sector { ring: vec![near(a), near(b), far(b), far(a)], source: (a, b) }
 }
 
 fn unit(v: V) -> V {

@@ -65,6 +65,7 @@ pub(super) fn set_widths(trace: &mut Trace, stack: &Stack, options: &Options) ->
         widths.push(width.clamp(WIDTHS_MM[0], WIDTHS_MM[1]) as f32);
     }
     for (path, width) in trace.paths.iter_mut().zip(widths) {
+        path.width_told = path.width_mm > 0.0;
         path.width_mm = width;
     }
     let keys = || trace.sheets.iter().map(|sheet| sheet.key);

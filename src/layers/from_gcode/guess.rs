@@ -1,8 +1,12 @@
-//! What the beginning of a file tells before its beads are read: the dialect, and
-//! whether E words are distances though no line says so.
+//! What files do not say plainly: the dialect, E words that are distances though no
+//! line says so, prime lines that nothing names.
 use super::GcodeError;
+use super::levels::{FIRST_LAYERS, NEAR};
+use super::trace::{Class, Sheet};
+use crate::layers::shape::Bounds;
 use outrigger_gcode::dialect::{Detection, Dialect, Feature, Mark, detect};
 use outrigger_gcode::line::{Command, Line, parse, split_lines};
+use outrigger_gcode::number::decimal;
 use std::io::{BufRead, Read};
 
 /// So much of a file shows its dialect: headers with thumbnails are some 100 KiB.
@@ -18,6 +22,8 @@ pub(super) struct Beginning {
     pub(super) dialect: Option<Dialect>,
     /// E words are distances, though neither `M83` nor `M82` says so.
     pub(super) relative_e: bool,
+    /// Layers or features are marked, in whatever dialect.
+    pub(super) marked: bool,
 }
 
 impl Beginning {
@@ -32,11 +38,41 @@ impl Beginning {
             Detection::Unknown | Detection::Mixed(..) => None,
         };
         let relative_e = relative_e(&bytes);
-        Ok(Beginning { bytes, dialect, relative_e })
+        let marks = |bytes| matches!(mark(&parse(bytes)), Some(Mark::Layer | Mark::Feature(_)));
+        let marked = dialect.is_some() || split_lines(&bytes).any(marks);
+        Ok(Beginning { bytes, dialect, relative_e, marked })
     }
 }
 
-/// Whether E words read as positions would pull filament back within every third
+/// Tells prime lines of files that name nothing: what lies higher than the first layer
+/// and comes before it, or lies lower and wholly beside the next height.
+pub(super) fn set_primes(sheets: &mut [Sheet]) {
+    let lowest = |sheets: &[Sheet], pass: u32, above: i32| {
+        let own = sheets.iter().filter(|s| s.key.pass == pass && !s.key.slope);
+        own.map(|s| s.key.top).filter(|&top| top > above).min()
+    };
+    let mut prime: Option<(u32, i32)> = None;
+    if let (Some(first), Some(next)) = (lowest(sheets, 0, i32::MIN), lowest(sheets, 1, i32::MIN))
+        && first > next.saturating_add(FIRST_LAYERS)
+    {
+        prime = Some((0, i32::MAX));
+    } else if let Some(first) = lowest(sheets, 0, i32::MIN)
+        && let Some(next) = lowest(sheets, 0, first.saturating_add(NEAR))
+    {
+        let bounds = |low: i32, high: i32| {
+            let own = sheets.iter().filter(|s| s.key.pass == 0 && (low..=high).contains(&s.key.top));
+            own.fold(Bounds::EMPTY, |b, s| b.joined(s.bounds))
+        };
+        let (low, high) = (bounds(first, first + NEAR), bounds(next, next + NEAR));
+        prime = (!low.overlap(high)).then_some((0, first + NEAR));
+    }
+    let Some((pass, top)) = prime else { return };
+    for sheet in sheets.iter_mut().filter(|s| s.key.pass == pass && s.key.top <= top) {
+        sheet.key.class = Class::Aid;
+    }
+}
+
+/// Whether E words read as positions would pull filament back before every fourth
 /// extrusion, where nothing says what they are: a start macro hides the `M83`.
 fn relative_e(beginning: &[u8]) -> bool {
     let (mut last, mut extrusions, mut falls) = (0.0, 0, 0);
@@ -60,7 +96,7 @@ fn relative_e(beginning: &[u8]) -> bool {
             _ => {}
         }
     }
-    extrusions >= TELLING && falls * 3 > extrusions
+    extrusions >= TELLING && falls * 4 > extrusions
 }
 
 /// What a line says in any dialect, for files whose slicer is not known: some
@@ -74,12 +110,32 @@ pub(super) fn mark<'a>(line: &Line<'a>) -> Option<Mark<'a>> {
             Some(mark) => return Some(mark),
         }
     }
-    // ideaMaker's.
-    match line.comment.trim_ascii_end() {
-        b";TYPE:RAFT" => Some(Mark::Feature(Feature::Support)),
-        b";TYPE:BRIM" => Some(Mark::Feature(Feature::Skirt)),
-        _ => unknown,
+    other(line).or(unknown)
+}
+
+/// What ideaMaker and KISSlicer say in words of their own.
+fn other<'a>(line: &Line<'a>) -> Option<Mark<'a>> {
+    if !line.is_comment() {
+        return None;
     }
+    let text = line.comment_text();
+    if let Some(at) = memchr::memmem::find(text, b" z_thickness=") {
+        let (_, number) = decimal(&text[at + 13..]).ok()?;
+        return Some(Mark::Height(number.value));
+    }
+    let kiss = || Some(text.strip_prefix(b"'")?.split(|&b| b == b'\'').next()?.strip_suffix(b" Path"));
+    let named = text.strip_prefix(b"TYPE:").or_else(|| kiss().flatten())?;
+    let says = |word: &[u8]| memchr::memmem::find(named, word).is_some();
+    let feature = match named {
+        _ if says(b"RAFT") || says(b"Raft") || says(b"SUPPORT") || says(b"Support") => Feature::Support,
+        b"BRIM" | b"Brim" | b"Skirt" | b"Prime Pillar" => Feature::Skirt,
+        b"INFILL" | b"Sparse Infill" | b"Stacked Sparse Infill" => Feature::Infill,
+        b"SOLID-FILL" | b"Solid" => Feature::SolidInfill,
+        b"Perimeter" => Feature::ExternalPerimeter,
+        b"Loop" => Feature::Perimeter,
+        _ => return None,
+    };
+    Some(Mark::Feature(feature))
 }
 
 #[cfg(test)]
@@ -111,6 +167,10 @@ mod tests {
         check(";TYPE:RAFT", Some(Mark::Feature(Feature::Support)));
         check(";TYPE:OUTER", Some(Mark::Feature(Feature::Unknown)));
         check(";HEIGHT:0.380", Some(Mark::Height(0.38)));
+        check("; BEGIN_LAYER_OBJECT z=0.263 z_thickness=0.263", Some(Mark::Height(0.263)));
+        check("; 'Perimeter Path', 0.3 [feed mm/s]", Some(Mark::Feature(Feature::ExternalPerimeter)));
+        check("; 'Support Interface Path', 1", Some(Mark::Feature(Feature::Support)));
+        check("; 'Travel/Ironing Path', 1", None);
         check(";LAYER:-2", Some(Mark::Layer));
         check("G1 X1", None);
     }

@@ -3,21 +3,21 @@
 //! Layers end where the part is printed: at each height of a flat bead of it. A
 //! sheet fills all layers between its bottom and its top, so objects with layers
 //! of different thickness, or printed one after another, stand in one stack. Supports
-//! fill the layers that they lie in, and what is left between them and the
-//! part so that it can be taken off (they still bear it); only where no part is
-//! do they make layers of their own. Skirts and prime lines never do beside the part.
+//! fill the layers that they lie in; only where no part is do they make layers of
+//! their own. Skirts and prime lines never do beside the part.
 //!
 //! A bead's bottom is its top less the thickness that the file gives, and lies on
 //! the nearest layer's end; where the file gives none, the next lower height of
 //! the same pass. A height that leaves more room below it than 1.6 times its
 //! neighbours do hangs in the air by the rest. What rises along the way (a spiral
-//! vase) is taken as layers of constant thickness: each turn is one layer.
-use super::trace::{Class, Path, Sheet, Trace, grid};
-use super::{GcodeError, MAX_LAYER_POINTS, MAX_LAYERS};
+//! vase) is cut into layers of constant thickness, of a turn each; a bead fills those
+//! whose middles lie within it.
+use super::trace::{Class, Path, Sheet, Trace};
+use super::{GcodeError, MAX_LAYER_POINTS, MAX_LAYERS, reach};
 use crate::layers::shape::UNITS_PER_MM;
 
 /// Heights that differ by less are one, grid steps: a quarter of the thinnest layer.
-const NEAR: i32 = 250;
+pub(super) const NEAR: i32 = 250;
 
 /// A layer twice as thick as its neighbours would be is none; the limit between.
 const GAP_RATIO: f64 = 1.6;
@@ -28,13 +28,9 @@ const MAX_LONE: i32 = 15_000;
 /// The thickness of what nothing tells of, grid steps.
 const USUAL: i32 = 2_000;
 
-/// Supports bear the part across a gap of this, mm, and a little more than the file says.
-const CONTACT_MM: f64 = 0.3;
-const CONTACT_MORE_MM: f64 = 0.1;
-
 /// A later object begins on the plate when its lowest bead lies within this of the
 /// first one's, grid steps.
-const FIRST_LAYERS: i32 = 3_000;
+pub(super) const FIRST_LAYERS: i32 = 3_000;
 
 /// The layers of a job and what lies in each.
 #[derive(Debug, Default)]
@@ -85,36 +81,41 @@ impl Stack {
 pub(super) fn stack(trace: &Trace) -> Result<Stack, GcodeError> {
     let passes = Pass::all(trace);
     let spiral = passes.iter().any(|pass| pass.spiral);
-    let ground = passes.first().map_or(0, |pass| pass.ground);
+    let ground = passes.iter().filter(|p| p.first().is_some()).map(|p| p.ground).min().unwrap_or(0);
     let thickness: Vec<i32> =
         trace.sheets.iter().map(|sheet| passes[sheet.key.pass as usize].thickness(sheet)).collect();
     let levels = levels(trace, &passes, &thickness, ground);
     if levels.len() > MAX_LAYERS {
         return Err(GcodeError::ManyLayers);
     }
-    let reach = trace.contact_mm.map_or(CONTACT_MM, |told| (told + CONTACT_MORE_MM).clamp(CONTACT_MM, 2.0));
-    let ranges: Vec<[usize; 2]> = (trace.sheets.iter().zip(&thickness))
-        .map(|(sheet, &thick)| layers_of(sheet, thick, &levels, grid(reach)))
+    let ranges: Vec<Option<[usize; 2]>> = (trace.sheets.iter().zip(&thickness))
+        .map(|(sheet, &thick)| layers_of(sheet, thick, &levels))
         .collect();
-    fill(trace, Stack { levels, thickness, spiral, ..Stack::default() }, &ranges)
+    let beyond = reach::beyond(trace, &levels, &thickness, &ranges);
+    fill(trace, Stack { levels, thickness, spiral, ..Stack::default() }, &ranges, &beyond)
 }
 
 /// Lists the paths of each layer.
-fn fill(trace: &Trace, mut stack: Stack, ranges: &[[usize; 2]]) -> Result<Stack, GcodeError> {
+fn fill(
+    trace: &Trace,
+    mut stack: Stack,
+    ranges: &[Option<[usize; 2]>],
+    beyond: &[(u32, usize)],
+) -> Result<Stack, GcodeError> {
     let layers = stack.levels.len() - 1;
     let (mut counts, mut points) = (vec![0_usize; layers], vec![0_usize; layers]);
-    let range = |path: &Path| {
-        let [first, last] = ranges[path.sheet as usize];
-        first..=last
+    let range = |path: &Path| match ranges[path.sheet as usize] {
+        Some([first, last]) => first..last + 1,
+        None => 0..0,
     };
-    for path in &trace.paths {
-        for layer in range(path) {
-            counts[layer] += 1;
-            points[layer] += path.count as usize;
-            if points[layer] > MAX_LAYER_POINTS {
-                let z_mm = f64::from(stack.levels[layer + 1]) / UNITS_PER_MM;
-                return Err(GcodeError::LargeLayer { z_mm });
-            }
+    let own = || (0..).zip(&trace.paths).flat_map(|(k, path)| range(path).map(move |layer| (k, layer)));
+    let all = || own().chain(beyond.iter().copied());
+    for (path, layer) in all() {
+        counts[layer] += 1;
+        points[layer] += trace.paths[path as usize].count as usize;
+        if points[layer] > MAX_LAYER_POINTS {
+            let z_mm = f64::from(stack.levels[layer + 1]) / UNITS_PER_MM;
+            return Err(GcodeError::LargeLayer { z_mm });
         }
     }
     let mut starts = Vec::with_capacity(layers + 1);
@@ -126,11 +127,9 @@ fn fill(trace: &Trace, mut stack: Stack, ranges: &[[usize; 2]]) -> Result<Stack,
     starts.push(at);
     let mut next = starts.clone();
     let mut paths = vec![0; at];
-    for (k, path) in trace.paths.iter().enumerate() {
-        for layer in range(path) {
-            paths[next[layer]] = k as u32;
-            next[layer] += 1;
-        }
+    for (path, layer) in all() {
+        paths[next[layer]] = path;
+        next[layer] += 1;
     }
     stack.paths = paths;
     stack.starts = starts;
@@ -138,12 +137,29 @@ fn fill(trace: &Trace, mut stack: Stack, ranges: &[[usize; 2]]) -> Result<Stack,
     Ok(stack)
 }
 
-/// The heights of one pass upwards.
-struct Pass {
-    /// Where flat beads of part and support lie, and the turns of a spiral.
+/// Heights upwards, and how thick what ends there is.
+#[derive(Debug, Default)]
+struct Heights {
     tops: Vec<i32>,
-    /// Thickness of each.
     thick: Vec<i32>,
+}
+
+impl Heights {
+    /// Of what ends at a height or at the next one above it: beads that rise belong to
+    /// the turn that they end.
+    fn thickness(&self, top: i32) -> Option<i32> {
+        let k = self.tops.partition_point(|&t| t < top - NEAR);
+        self.thick.get(k).or(self.thick.last()).copied()
+    }
+}
+
+/// One pass.
+#[derive(Debug)]
+struct Pass {
+    /// Where flat beads of the part lie, and the turns of a spiral.
+    part: Heights,
+    /// Where those of supports lie too: these may be layers of another thickness.
+    all: Heights,
     /// Where the lowest begins.
     ground: i32,
     spiral: bool,
@@ -157,42 +173,51 @@ impl Pass {
         for sheet in trace.sheets.iter() {
             sheets[sheet.key.pass as usize].push(sheet);
         }
-        let mut passes: Vec<Pass> = Vec::with_capacity(count);
-        for (k, own) in sheets.iter().enumerate() {
-            // Lines in front of the first layer of a file that does not name its features.
-            let primed = k == 0 && !trace.features_told;
-            let lowest = passes.first().and_then(|p| Some((p.ground, *p.tops.first()?)));
-            passes.push(Pass::new(own, primed, lowest));
-        }
-        passes
+        // The pass that begins lowest stands on the plate, others beside it or higher.
+        let alone: Vec<Pass> = sheets.iter().map(|own| Pass::new(own, None)).collect();
+        let lowest = alone.iter().filter_map(|p| Some((p.first()?, p.ground))).min();
+        sheets.iter().map(|own| Pass::new(own, lowest)).collect()
     }
 
-    fn new(sheets: &[&Sheet], primed: bool, lowest: Option<(i32, i32)>) -> Pass {
-        let bears = |s: &&&Sheet| s.key.class != Class::Aid;
-        let flat = |s: &&&Sheet| !s.key.slope;
-        let mut tops = clusters(sheets.iter().filter(bears).filter(flat).map(|s| s.key.top).collect());
-        let prime = primed && tops.len() > 1 && beside(sheets, tops[0], tops[1]);
-        let mut rising: Vec<(i32, i32)> = (sheets.iter().filter(bears).filter(|s| s.key.slope))
-            .map(|s| (s.key.top, s.key.height))
-            .collect();
+    /// `lowest`: the first height of the lowest pass, and where that begins.
+    fn new(sheets: &[&Sheet], lowest: Option<(i32, i32)>) -> Pass {
+        let flat = |classes: &[Class]| {
+            let own = sheets.iter().filter(|s| classes.contains(&s.key.class) && !s.key.slope);
+            clusters(own.map(|s| s.key.top).collect())
+        };
+        let supports = flat(&[Class::Support]);
+        let mut tops = flat(&[Class::Part, Class::Infill]);
+        let rises = |s: &&&Sheet| s.key.slope && is_part(s.key.class);
+        let mut rising: Vec<(i32, i32)> =
+            sheets.iter().filter(rises).map(|s| (s.key.top, s.key.height)).collect();
         rising.sort_unstable();
         let turns = turns(&tops, &rising);
         let spiral = turns.len() > 2;
         tops = clusters([tops, turns].concat());
-        let first = tops.first().copied().unwrap_or(0);
-        let told = sheets.iter().filter(bears).find(|s| s.key.top - first < NEAR && s.key.height > 0);
-        let own = told.map_or_else(|| lone(&tops), |s| s.key.height);
+        let all = clusters([tops.as_slice(), &supports].concat());
+        let first = all.first().copied().unwrap_or(0);
+        let told = sheets.iter().filter(|s| s.key.class != Class::Aid && s.key.height > 0);
+        let told = told.filter(|s| s.key.top.abs_diff(first) <= NEAR as u32).map(|s| s.key.height).max();
+        let own = told.unwrap_or_else(|| lone(&all));
         let ground = match lowest {
-            Some((ground, top)) if first <= top.saturating_add(FIRST_LAYERS) => ground,
+            Some((top, ground)) if first <= top.saturating_add(FIRST_LAYERS) => ground,
             // A thicker layer than any is nothing to stand on the plate with.
             _ if own >= first - NEAR => first.min(0),
             _ => first - own,
         };
+        // The part may begin on a raft or on supports, and is then no thinner than it goes on.
+        let below = tops.first().map_or(0, |&z| supports.partition_point(|&top| top < z - NEAR));
         let mut thick = thicknesses(&tops, ground);
-        if prime {
-            thick[1] = tops[1] - ground;
+        if let (Some(k), [z, ..]) = (below.checked_sub(1), tops.as_slice()) {
+            thick[0] = (z - supports[k]).max(tops.get(1).map_or(0, |next| next - z).min(z - ground));
         }
-        Pass { tops, thick, ground, spiral }
+        let all = Heights { thick: thicknesses(&all, ground), tops: all };
+        Pass { part: Heights { tops, thick }, all, ground, spiral }
+    }
+
+    /// The lowest height.
+    fn first(&self) -> Option<i32> {
+        self.all.tops.first().copied()
     }
 
     /// Of a sheet's beads, grid steps.
@@ -201,26 +226,17 @@ impl Pass {
         if key.height > 0 {
             return key.height;
         }
-        // The height at or above: beads that rise belong to the turn that they end.
-        let k = self.tops.partition_point(|&top| top < key.top - NEAR);
-        match self.thick.get(k).or(self.thick.last()) {
-            Some(&thick) => thick,
+        let heights = if is_part(key.class) { &self.part } else { &self.all };
+        match heights.thickness(key.top) {
+            Some(thick) => thick,
             None if (1..MAX_LONE).contains(&key.top) => key.top,
             None => USUAL,
         }
     }
 }
 
-/// Whether what lies at one height lies nowhere below what lies at another.
-fn beside(sheets: &[&Sheet], low: i32, high: i32) -> bool {
-    let bounds = |z: i32| {
-        let at = sheets.iter().filter(|s| s.key.top.abs_diff(z) <= NEAR as u32);
-        at.map(|s| s.bounds).reduce(|a, b| a.joined(b))
-    };
-    match (bounds(low), bounds(high)) {
-        (Some(a), Some(b)) => !a.overlap(b),
-        _ => false,
-    }
+fn is_part(class: Class) -> bool {
+    matches!(class, Class::Part | Class::Infill)
 }
 
 /// How thick the lowest of some heights is when nothing tells.
@@ -287,14 +303,14 @@ fn clusters(mut heights: Vec<i32>) -> Vec<i32> {
 /// The ends of layers, upwards, from where the lowest begins.
 fn levels(trace: &Trace, passes: &[Pass], thickness: &[i32], ground: i32) -> Vec<i32> {
     let sheets = || trace.sheets.iter().zip(thickness);
-    let part = |class: Class| matches!(class, Class::Part | Class::Infill);
-    let flat = |s: &Sheet| part(s.key.class) && !s.key.slope;
+    let flat = |s: &Sheet| is_part(s.key.class) && !s.key.slope;
     let mut tops: Vec<i32> = sheets().filter(|(s, _)| flat(s)).map(|(s, _)| s.key.top).collect();
     let mut solid: Vec<[i32; 2]> =
         sheets().filter(|(s, _)| flat(s)).map(|(s, &h)| [s.key.top - h, s.key.top]).collect();
     for pass in passes.iter().filter(|pass| pass.spiral) {
-        tops.extend(&pass.tops);
-        solid.extend(pass.tops.iter().zip(&pass.thick).map(|(&top, &h)| [top - h, top]));
+        let Heights { tops: own, thick } = &pass.part;
+        tops.extend(own);
+        solid.extend(own.iter().zip(thick).map(|(&top, &h)| [top - h, top]));
     }
     let mut levels = clusters(tops);
     // Bottoms that hang in the air.
@@ -304,15 +320,21 @@ fn levels(trace: &Trace, passes: &[Pass], thickness: &[i32], ground: i32) -> Vec
     });
     let bottoms: Vec<i32> = bottoms.map(|&[bottom, _]| bottom).collect();
     levels = clusters([levels, bottoms].concat());
+    // Supports where no part is; skirts only where nothing else is.
     let solid = merged(solid);
-    let aids = sheets().filter(|(s, _)| !part(s.key.class)).map(|(s, _)| s.key.top);
-    let aids = aids.filter(|&z| {
+    let alone = |z: i32| {
         let k = solid.partition_point(|&[_, top]| top < z - NEAR);
-        let inside = solid.get(k).is_some_and(|&[bottom, _]| bottom + NEAR < z);
-        !inside && nearest(&levels, z).is_none_or(|at| at.abs_diff(z) > NEAR as u32)
-    });
-    let aids: Vec<i32> = aids.collect();
-    levels = clusters([levels, aids].concat());
+        !solid.get(k).is_some_and(|&[bottom, _]| bottom + NEAR < z)
+    };
+    for class in [Class::Support, Class::Aid] {
+        let own = sheets().filter(|(s, _)| s.key.class == class).map(|(s, _)| s.key.top);
+        let own: Vec<i32> = own
+            .filter(|&z| alone(z) && nearest(&levels, z).is_none_or(|at| at.abs_diff(z) > NEAR as u32))
+            .collect();
+        if class == Class::Support || levels.is_empty() {
+            levels = clusters([levels, own].concat());
+        }
+    }
     levels.retain(|&z| z > ground.saturating_add(NEAR));
     if levels.is_empty() {
         levels.push(ground.saturating_add(USUAL));
@@ -346,28 +368,32 @@ fn merged(mut intervals: Vec<[i32; 2]>) -> Vec<[i32; 2]> {
     out
 }
 
-/// First and last layer that a sheet fills.
-fn layers_of(sheet: &Sheet, thick: i32, levels: &[i32], reach: i32) -> [usize; 2] {
+/// Height of a layer's middle.
+pub(super) fn middle(levels: &[i32], layer: usize) -> i32 {
+    i32::midpoint(levels[layer], levels[layer + 1])
+}
+
+/// First and last layer that a sheet fills; `None` for skirts above or below them all.
+fn layers_of(sheet: &Sheet, thick: i32, levels: &[i32]) -> Option<[usize; 2]> {
     let last = levels.len() - 2;
     let key = sheet.key;
     // The layer that a height lies in, its upper end included.
     let holding = |z: i32| levels.partition_point(|&level| level < z).saturating_sub(1).min(last);
-    if key.slope && key.class != Class::Support && key.class != Class::Aid {
-        let layer = holding(key.top - NEAR);
-        return [layer, layer];
-    }
     let bottom = key.top.saturating_sub(thick);
-    if matches!(key.class, Class::Part | Class::Infill) {
+    if is_part(key.class) && !key.slope {
         let index = |z: i32| nearest(levels, z).map_or(0, |at| levels.partition_point(|&l| l < at));
         let top = index(key.top).clamp(1, last + 1);
-        return [index(bottom).min(top - 1), top - 1];
+        return Some([index(bottom).min(top - 1), top - 1]);
     }
-    let reach = if key.class == Class::Support { reach } else { 0 };
+    if key.class == Class::Aid && (bottom >= levels[last + 1] || key.top <= levels[0] - NEAR) {
+        return None;
+    }
     // Layers whose middles lie within, and the one that the bead's own middle lies in.
-    let middle = |k: usize| i32::midpoint(levels[k], levels[k + 1]);
+    let middle = |k: usize| middle(levels, k);
     let own = holding(i32::midpoint(bottom, key.top));
     let low = (holding(bottom)..=own).find(|&k| middle(k) > bottom).unwrap_or(own);
-    let top = key.top.saturating_add(reach);
-    let high = (own..=holding(top)).rev().find(|&k| middle(k) < top).unwrap_or(own);
-    [low.min(own), high.max(own)]
+    // What rises lies in the turn that it belongs to, however little of it.
+    let reaches = |k: usize| key.slope || middle(k) < key.top;
+    let high = (own..=holding(key.top)).rev().find(|&k| reaches(k)).unwrap_or(own);
+    Some([low.min(own), high.max(own)])
 }

@@ -11,14 +11,17 @@
 //!
 //! # Layout
 //! Data flow in this order: `trace` (lines → paths) · `guess` (what the beginning
-//! tells) · `levels` (heights → layers, and which sheets fill them) · `bead`
-//! (flow and height → width) · `region` (the paths of a layer → polygons; fills
-//! what holds sparse infill) · `locate` (what a point lies in)
+//! tells) · `levels` (heights → layers, and which sheets fill them) · `reach`
+//! (supports bear across a gap) · `bead` (flow and height → width) · `tangle`
+//! (refuses lines that cross everywhere) · `region` (the paths of a layer →
+//! polygons; fills what holds sparse infill) · `locate` (what a point lies in)
 mod bead;
 mod guess;
 mod levels;
 mod locate;
+mod reach;
 mod region;
+mod tangle;
 mod trace;
 
 #[cfg(test)]
@@ -36,8 +39,8 @@ pub const MAX_LINE_BYTES: usize = 1 << 20;
 /// Most points of a job: 192 MB of them, of about half a gigabyte of text.
 pub const MAX_POINTS: usize = 24 << 20;
 
-/// Most layers: a metre at 0.02 mm is half of it.
-pub const MAX_LAYERS: usize = 100_000;
+/// Most layers: a metre at 0.025 mm.
+pub const MAX_LAYERS: usize = 40_000;
 
 /// Most points in one layer: a plate of 500 mm filled with lines of 1 mm at every 0.25 mm.
 pub const MAX_LAYER_POINTS: usize = 2 << 20;
@@ -92,6 +95,12 @@ pub enum GcodeError {
     /// More than [`MAX_LAYER_POINTS`].
     #[error("the layer at Z {z_mm:.3} mm has more than {MAX_LAYER_POINTS} beads: too many to be united")]
     LargeLayer {
+        /// Height where the layer ends, mm.
+        z_mm: f64,
+    },
+    /// Lines that cross each other everywhere.
+    #[error("the beads of the layer at Z {z_mm:.3} mm cross each other millions of times: this is no print")]
+    Tangled {
         /// Height where the layer ends, mm.
         z_mm: f64,
     },
@@ -174,12 +183,14 @@ impl BeadLayers {
         self.next..end.unwrap_or(last)
     }
 
-    fn layer(&self, k: usize) -> Layer {
+    fn layer(&self, k: usize) -> Result<Layer, GcodeError> {
         let paths: Vec<&Path> =
             self.stack.paths(k).iter().map(|&path| &self.trace.paths[path as usize]).collect();
-        let (part, aid) = region::regions(&self.trace, &paths);
         let [bottom_mm, top_mm] = self.stack.heights_mm(k);
-        Layer { number: k as u32, bottom_mm, top_mm, part, aid }
+        match region::regions(&self.trace, &paths) {
+            Some((part, aid)) => Ok(Layer { number: k as u32, bottom_mm, top_mm, part, aid }),
+            None => Err(GcodeError::Tangled { z_mm: top_mm }),
+        }
     }
 }
 
@@ -196,6 +207,8 @@ impl Layers for BeadLayers {
             return Ok(None);
         }
         self.next = batch.end;
-        Ok(Some(batch.into_par_iter().map(|k| self.layer(k)).collect()))
+        // The first layer at fault, whichever thread finds it: all are made first.
+        let made: Vec<Result<Layer, GcodeError>> = batch.into_par_iter().map(|k| self.layer(k)).collect();
+        made.into_iter().collect::<Result<_, _>>().map(Some)
     }
 }

@@ -37,6 +37,8 @@ pub(super) struct Path {
     pub(super) sheet: u32,
     /// Width, mm; 0 where the file does not say it.
     pub(super) width_mm: f32,
+    /// The file says it.
+    pub(super) width_told: bool,
     /// Filament pushed a millimetre of way: mm, or mm³ where E counts volume.
     pub(super) flow: f32,
     /// The tool that printed it.
@@ -114,6 +116,10 @@ const FLOW_RATIO: f64 = 0.03;
 /// What rounding to the last digit of E leaves uncertain in one bead, mm.
 const FLOW_ROUNDING_MM: f64 = 2e-5;
 
+/// A bead at one height among beads that rise rises too, where its like would have
+/// risen by less than this: Z has three decimals. Mm.
+const RISE_MM: f64 = 0.005;
+
 /// Thickest bead that a file may claim, mm.
 const MAX_HEIGHT_MM: f64 = 3.0;
 
@@ -128,7 +134,8 @@ struct Tracer {
     trace: Trace,
     known: FxHashMap<SheetKey, u32>,
     feature: Feature,
-    /// A layer has begun, or a feature was named: what comes is no prime line.
+    /// The file marks its layers or features: what comes before the first is a prime line.
+    marked: bool,
     started: bool,
     width_mm: f64,
     height_mm: f64,
@@ -138,9 +145,33 @@ struct Tracer {
     pass: u32,
     /// Highest flat bead of this pass.
     reached: i32,
+    run: Run,
     /// Filament and way of the last path so far.
     pushed: f64,
     way: f64,
+}
+
+/// Beads without a travel between them: whether they rise.
+#[derive(Default)]
+struct Run {
+    way_mm: f64,
+    rise_mm: f64,
+    /// Way since Z last changed.
+    flat_mm: f64,
+}
+
+impl Run {
+    /// Takes one more bead; whether it is one that rises.
+    fn rises(&mut self, rise_mm: f64, length_mm: f64) -> bool {
+        self.way_mm += length_mm;
+        self.rise_mm += rise_mm.abs();
+        if rise_mm.abs() > FLAT_MM {
+            self.flat_mm = 0.0;
+            return true;
+        }
+        self.flat_mm += length_mm;
+        self.rise_mm > 0.0 && self.flat_mm * self.rise_mm < RISE_MM * self.way_mm
+    }
 }
 
 /// Reads a whole job.
@@ -156,6 +187,9 @@ pub(super) fn trace(mut reader: impl BufRead) -> Result<Trace, GcodeError> {
         return Err(GcodeError::Nothing);
     }
     tracer.settle();
+    if !tracer.marked {
+        guess::set_primes(&mut tracer.trace.sheets);
+    }
     Ok(tracer.trace)
 }
 
@@ -173,6 +207,7 @@ impl Tracer {
             trace,
             known: FxHashMap::default(),
             feature: Feature::Unknown,
+            marked: beginning.marked,
             started: false,
             width_mm: 0.0,
             height_mm: 0.0,
@@ -180,6 +215,7 @@ impl Tracer {
             fresh_layer: false,
             pass: 0,
             reached: i32::MIN,
+            run: Run::default(),
             pushed: 0.0,
             way: 0.0,
         }
@@ -227,6 +263,12 @@ impl Tracer {
                 }
                 self.trace.features_told |= inline.is_some();
                 self.deposit(&m, inline.unwrap_or(self.feature))
+            }
+            Effect::Motion(m) => {
+                if m.kind() == Kind::Travel {
+                    self.run = Run::default();
+                }
+                Ok(())
             }
             Effect::Other => {
                 self.volumetric(&line);
@@ -289,7 +331,7 @@ impl Tracer {
             // It smooths what the layer has printed already.
             Feature::Ironing => None,
             Feature::Infill | Feature::AnyInfill => Some(Class::Infill),
-            Feature::Unknown if self.trace.dialect.is_some() && !self.started => Some(Class::Aid),
+            Feature::Unknown if self.marked && !self.started => Some(Class::Aid),
             _ => Some(Class::Part),
         }
     }
@@ -303,7 +345,7 @@ impl Tracer {
         }
         let bridge =
             matches!(feature, Feature::Bridge | Feature::InternalBridge | Feature::OverhangPerimeter);
-        let slope = (m.to[2] - m.from[2]).abs() > FLAT_MM;
+        let slope = self.run.rises(m.to[2] - m.from[2], length);
         let top = grid(f64::midpoint(m.from[2], m.to[2]));
         if !slope && class != Class::Aid {
             if top < self.reached.saturating_sub(ANEW) {
@@ -353,7 +395,15 @@ impl Tracer {
             points.push(from);
             let sheet_bounds = &mut sheets[sheet as usize].bounds;
             *sheet_bounds = sheet_bounds.with(from);
-            paths.push(Path { first, count: 1, sheet, width_mm: width, flow: 0.0, tool });
+            paths.push(Path {
+                first,
+                count: 1,
+                sheet,
+                width_mm: width,
+                width_told: width > 0.0,
+                flow: 0.0,
+                tool,
+            });
             (self.pushed, self.way) = (0.0, 0.0);
         }
         self.pushed += m.e;

@@ -6,28 +6,31 @@
 /// The top bit of eight bytes.
 const TOPS: u64 = 0x8080_8080_8080_8080;
 
+/// Pixels that are looked at together where they may all be alike: a few registers.
+const BLOCK: usize = 64;
+
 /// Writes the columns where the row changes, from dark at its left: begin and end of
-/// each bright run in turn, always an even number of them, at most `row.len()`.
+/// each bright run in turn, always an even number of them, at most `row.len() + 1`.
 ///
-/// Eight pixels a step where they are alike; a step more for each change.
+/// [`BLOCK`] pixels a step where they are alike, eight where not; a step more for each
+/// change.
 pub(super) fn changes(row: &[u8], found: &mut Vec<u32>) {
     found.clear();
     let mut bright = 0_u64;
-    let (words, rest) = row.as_chunks::<8>();
+    let (blocks, rest) = row.as_chunks::<BLOCK>();
     let mut column = 0_u32;
-    for word in words {
-        let mut differ = (u64::from_le_bytes(*word) & TOPS) ^ bright;
-        while differ != 0 {
-            let pixel = differ.trailing_zeros() / 8;
-            found.push(column + pixel);
-            bright ^= TOPS;
-            // From this pixel on, what was alike differs and the other way round.
-            differ ^= TOPS << (8 * pixel);
+    for block in blocks {
+        let differs = block.iter().fold(0, |any, &pixel| any | (pixel ^ bright as u8));
+        if differs & 0x80 != 0 {
+            words(block.as_chunks::<8>().0, column, &mut bright, found);
         }
-        column += 8;
+        column += BLOCK as u32;
     }
+    let (last, rest) = rest.as_chunks::<8>();
+    words(last, column, &mut bright, found);
+    column += 8 * last.len() as u32;
     for byte in rest {
-        if (u64::from(*byte) & 0x80) ^ (bright & 0x80) != 0 {
+        if (u64::from(*byte) ^ bright) & 0x80 != 0 {
             found.push(column);
             bright ^= TOPS;
         }
@@ -35,6 +38,21 @@ pub(super) fn changes(row: &[u8], found: &mut Vec<u32>) {
     }
     if bright != 0 {
         found.push(column);
+    }
+}
+
+/// The changes within some words that begin at a column.
+fn words(words: &[[u8; 8]], mut column: u32, bright: &mut u64, found: &mut Vec<u32>) {
+    for word in words {
+        let mut differ = (u64::from_le_bytes(*word) & TOPS) ^ *bright;
+        while differ != 0 {
+            let pixel = differ.trailing_zeros() / 8;
+            found.push(column + pixel);
+            *bright ^= TOPS;
+            // From this pixel on, what was alike differs and the other way round.
+            differ ^= TOPS << (8 * pixel);
+        }
+        column += 8;
     }
 }
 
@@ -66,7 +84,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn words_say_what_pixels_say(row in prop::collection::vec(prop_oneof![Just(0_u8), Just(255), any::<u8>()], 0..70)) {
+        fn blocks_and_words_say_what_pixels_say(
+            runs in prop::collection::vec((any::<u8>(), prop_oneof![1..4_usize, 1..200_usize]), 0..12),
+        ) {
+            let row: Vec<u8> = runs.into_iter().flat_map(|(b, n)| std::iter::repeat_n(b, n)).collect();
             let mut found = Vec::new();
             changes(&row, &mut found);
             prop_assert_eq!(found, pixel_by_pixel(&row));

@@ -25,6 +25,7 @@
 //! ring that comes to such a point a second time is cut there in two, so that rings
 //! are simple: an outer ring and the hole that touches it, or two holes.
 use rustc_hash::FxHashMap;
+use std::ops::Range;
 
 /// Most corners of one picture's boundaries: a thousand times those of usual layers,
 /// and below 100 MB while they are traced. Only noise and dithering have more.
@@ -33,8 +34,9 @@ pub(super) const MAX_CORNERS: usize = 1 << 22;
 /// A corner of pixels: columns from the left, rows from the top.
 pub(super) type Corner = [u32; 2];
 
-/// The outer ring, counter-clockwise as seen, and the holes, clockwise.
-pub(super) type Rings = Vec<Vec<Corner>>;
+/// The outer ring, counter-clockwise as seen, and the holes, clockwise: of corners, or
+/// of what was made of them.
+pub(super) type Rings<P> = Vec<Vec<P>>;
 
 const NONE: u32 = u32::MAX;
 
@@ -78,8 +80,7 @@ impl Trace {
             if self.corners.len() + columns.len() + self.columns.len() > MAX_CORNERS {
                 return Err(TooFine);
             }
-            self.join_pieces(columns);
-            self.line(columns);
+            self.groups(columns);
             std::mem::swap(&mut self.edges, &mut self.lower);
             self.columns.clear();
             self.columns.extend_from_slice(columns);
@@ -88,51 +89,101 @@ impl Trace {
         Ok(())
     }
 
+    /// Cuts the two rows into groups of runs that touch each other, from the left, so
+    /// that the usual group, one run above one, takes no search.
+    fn groups(&mut self, columns: &[u32]) {
+        self.lower.clear();
+        self.lower.resize(columns.len(), Edge { top: NONE, piece: NONE });
+        let upper = std::mem::take(&mut self.columns);
+        let at = |row: &[u32], i: usize| row.get(i).copied().unwrap_or(NONE);
+        let (mut a, mut b) = (0, 0);
+        while a < upper.len() || b < columns.len() {
+            let (from_a, from_b) = (a, b);
+            if at(&upper, a) < at(columns, b) {
+                a += 2
+            } else {
+                b += 2
+            }
+            loop {
+                // What the group's last runs reach.
+                let reach_a = if a > from_a { upper[a - 1] } else { 0 };
+                let reach_b = if b > from_b { columns[b - 1] } else { 0 };
+                if at(columns, b) < reach_a {
+                    b += 2;
+                } else if at(&upper, a) < reach_b {
+                    a += 2;
+                } else {
+                    break;
+                }
+            }
+            if a - from_a == 2 && b - from_b == 2 {
+                self.one_above_one(&upper, columns, from_a, from_b);
+            } else {
+                self.join_pieces(&upper, columns, from_a..a, from_b..b);
+                self.line(&upper, columns, from_a..a, from_b..b);
+            }
+        }
+        self.columns = upper;
+    }
+
+    /// A run whose only neighbour above is another, whose only one below it is.
+    fn one_above_one(&mut self, upper: &[u32], columns: &[u32], a: usize, b: usize) {
+        let piece = self.edges[a].piece;
+        for side in 0..2 {
+            let (above, below) = (upper[a + side], columns[b + side]);
+            let mut top = self.edges[a + side].top;
+            if above < below {
+                self.end_edge(a + side, above);
+                top = self.corner(below, piece);
+            } else if above > below {
+                top = self.corner(below, piece);
+                self.end_edge(a + side, above);
+            }
+            self.lower[b + side] = Edge { top, piece };
+        }
+    }
+
     /// Gives each run of the new row the piece of a run above that it shares an edge
     /// with, and joins the pieces of all such runs.
-    fn join_pieces(&mut self, columns: &[u32]) {
-        self.lower.clear();
-        let mut above = 0;
-        for run in columns.chunks_exact(2) {
-            let [begin, end] = [run[0], run[1]];
-            while above + 1 < self.columns.len() && self.columns[above + 1] <= begin {
+    fn join_pieces(&mut self, upper: &[u32], columns: &[u32], a: Range<usize>, b: Range<usize>) {
+        let mut above = a.start;
+        for run in b.step_by(2) {
+            let [begin, end] = [columns[run], columns[run + 1]];
+            while above < a.end && upper[above + 1] <= begin {
                 above += 2;
             }
             let mut piece = NONE;
             // The last run above that reaches this one may reach the next one too.
-            let mut k = above;
-            while k + 1 < self.columns.len() && self.columns[k] < end {
+            for k in (above..a.end).step_by(2).take_while(|&k| upper[k] < end) {
                 let other = self.edges[k].piece;
                 piece = if piece == NONE { self.root(other) } else { self.join(piece, other) };
-                k += 2;
             }
             if piece == NONE {
                 piece = self.parent.len() as u32;
                 self.parent.push(piece);
             }
-            self.lower.extend([Edge { top: NONE, piece }; 2]);
+            self.lower[run].piece = piece;
+            self.lower[run + 1].piece = piece;
         }
     }
 
-    /// Makes the corners on the line above the new row.
-    fn line(&mut self, columns: &[u32]) {
-        let (mut a, mut b) = (0, 0);
-        loop {
-            let upper = self.columns.get(a).copied().unwrap_or(NONE);
-            let lower = columns.get(b).copied().unwrap_or(NONE);
-            if upper == NONE && lower == NONE {
-                break;
-            }
+    /// Makes the corners of a group on the line above the new row.
+    fn line(&mut self, upper: &[u32], columns: &[u32], a: Range<usize>, b: Range<usize>) {
+        let ends = [a.end, b.end];
+        let (mut a, mut b) = (a.start, b.start);
+        while a < ends[0] || b < ends[1] {
+            let above = if a < ends[0] { upper[a] } else { NONE };
+            let below = if b < ends[1] { columns[b] } else { NONE };
             // Even indices begin a run, odd ones end it.
-            if upper == lower && a % 2 == b % 2 {
+            if above == below && a % 2 == b % 2 {
                 self.lower[b].top = self.edges[a].top;
                 (a, b) = (a + 1, b + 1);
-            } else if upper < lower || (upper == lower && a % 2 == 1) {
-                self.end_edge(a, upper);
+            } else if above < below || (above == below && a % 2 == 1) {
+                self.end_edge(a, above);
                 a += 1;
             } else {
                 let piece = self.lower[b].piece;
-                self.lower[b].top = self.corner(lower, piece);
+                self.lower[b].top = self.corner(below, piece);
                 b += 1;
             }
         }
@@ -151,7 +202,7 @@ impl Trace {
     fn end_edge(&mut self, index: usize, column: u32) {
         let Edge { top, piece } = self.edges[index];
         let bottom = self.corner(column, piece);
-        let [from, to] = if index % 2 == 0 { [top, bottom] } else { [bottom, top] };
+        let [from, to] = if index.is_multiple_of(2) { [top, bottom] } else { [bottom, top] };
         self.next[from as usize] = to;
         self.next[to as usize] = to ^ 1;
     }
@@ -173,54 +224,57 @@ impl Trace {
         older
     }
 
-    /// The polygons, in the order of their first corners from the top.
-    pub(super) fn polygons(mut self) -> Result<Vec<Rings>, TooFine> {
+    /// The polygons, in the order of their first corners from the top, of points that
+    /// `place` makes of corners.
+    pub(super) fn polygons<P>(mut self, place: impl Fn(Corner) -> P) -> Result<Vec<Rings<P>>, TooFine> {
         self.row(&[])?;
-        let mut polygons: Vec<Rings> = Vec::new();
+        let mut polygons: Vec<Rings<P>> = Vec::new();
         let mut of_piece = vec![NONE; self.parent.len()];
-        let mut rings = Vec::new();
+        let mut path = Vec::new();
         for start in 0..self.corners.len() {
             if self.next[start] == NONE {
                 continue;
             }
-            self.ring(start as u32, &mut rings);
             let root = self.root(self.piece[start]) as usize;
             if of_piece[root] == NONE {
                 of_piece[root] = polygons.len() as u32;
                 polygons.push(vec![Vec::new()]);
             }
             let polygon = &mut polygons[of_piece[root] as usize];
-            for ring in rings.drain(..) {
-                if turns_left(&ring) { polygon[0] = ring } else { polygon.push(ring) }
-            }
+            self.ring(start as u32, &mut path, |ring| {
+                let placed = ring.iter().map(|&(_, corner)| place(corner)).collect();
+                if turns_left(ring) { polygon[0] = placed } else { polygon.push(placed) }
+            });
         }
         Ok(polygons)
     }
 
-    /// Follows a ring from a corner to itself, cut where it touches itself.
-    fn ring(&mut self, start: u32, rings: &mut Vec<Vec<Corner>>) {
-        let mut path: Vec<u32> = Vec::new();
+    /// Follows a ring from a corner to itself, cut where it touches itself, and shows
+    /// each simple ring of it. `path` is room to work in.
+    fn ring(&mut self, start: u32, path: &mut Vec<(u32, Corner)>, mut show: impl FnMut(&[(u32, Corner)])) {
+        path.clear();
         // Corners of the path that share their point with another, and where they stand in it.
         let mut shared: FxHashMap<u32, usize> = FxHashMap::default();
         let mut at = start;
         loop {
             let twin = self.twin(at);
-            let met = twin.and_then(|t| shared.get(&t).copied().filter(|&k| path.get(k) == Some(&t)));
+            let stands = |&k: &usize| path.get(k).is_some_and(|c| Some(c.0) == twin);
+            let met = twin.and_then(|t| shared.get(&t).copied()).filter(stands);
             if let Some(k) = met {
-                rings.push(path[k..].iter().map(|&c| self.corners[c as usize]).collect());
+                show(&path[k..]);
                 path.truncate(k + 1);
             } else {
                 if twin.is_some() {
                     shared.insert(at, path.len());
                 }
-                path.push(at);
+                path.push((at, self.corners[at as usize]));
             }
             at = std::mem::replace(&mut self.next[at as usize], NONE);
             if at == start {
                 break;
             }
         }
-        rings.push(path.iter().map(|&c| self.corners[c as usize]).collect());
+        show(path);
     }
 
     /// The other corner in the same point: made just before or just after.
@@ -232,9 +286,14 @@ impl Trace {
 }
 
 /// Whether a ring runs counter-clockwise as seen, with rows downwards.
-fn turns_left(ring: &[Corner]) -> bool {
-    let at = |i: usize| ring[i % ring.len()].map(i64::from);
-    let area: i64 = (0..ring.len()).map(|i| at(i)[0] * at(i + 1)[1] - at(i)[1] * at(i + 1)[0]).sum();
+fn turns_left(ring: &[(u32, Corner)]) -> bool {
+    let Some(&(_, mut last)) = ring.last() else { return false };
+    let mut area = 0_i64;
+    for &(_, corner) in ring {
+        // Edges along columns alone: the others sweep none of the area to their left.
+        area += i64::from(corner[0]) * (i64::from(corner[1]) - i64::from(last[1]));
+        last = corner;
+    }
     area < 0
 }
 
@@ -247,7 +306,7 @@ mod tests {
     /// Rows of a picture; `#` is bright.
     type Bits = Vec<Vec<bool>>;
 
-    fn traced(bits: &Bits) -> Vec<Rings> {
+    fn traced(bits: &Bits) -> Vec<Rings<Corner>> {
         let mut trace = Trace::default();
         for row in bits {
             let row: Vec<u8> = row.iter().map(|&b| if b { 255 } else { 0 }).collect();
@@ -255,7 +314,7 @@ mod tests {
             super::super::runs::changes(&row, &mut columns);
             trace.row(&columns).expect("a small picture");
         }
-        trace.polygons().expect("a small picture")
+        trace.polygons(|c| c).expect("a small picture")
     }
 
     fn art(rows: &[&str]) -> Bits {
@@ -316,7 +375,8 @@ mod tests {
         for rings in &polygons {
             let mut own = vec![vec![false; width]; height];
             for (i, ring) in rings.iter().enumerate() {
-                assert_eq!(turns_left(ring), i == 0, "ring {i} of {rings:?}");
+                let numbered: Vec<(u32, Corner)> = ring.iter().map(|&c| (0, c)).collect();
+                assert_eq!(turns_left(&numbered), i == 0, "ring {i} of {rings:?}");
                 let points: BTreeSet<&Corner> = ring.iter().collect();
                 assert_eq!(points.len(), ring.len(), "a ring touches itself: {ring:?}");
                 for (k, corner) in ring.iter().enumerate() {
@@ -346,7 +406,7 @@ mod tests {
 
     #[test]
     fn rings_follow_the_edges_of_pixels() {
-        let check = |rows: &[&str], expect: &[Rings]| {
+        let check = |rows: &[&str], expect: &[Rings<Corner>]| {
             let bits = art(rows);
             assert_eq!(traced(&bits), expect, "{rows:#?}");
             must_hold(&bits);

@@ -1,14 +1,14 @@
 //! Small holes, filled.
 //!
-//! Takes a draft with open edges, follows each rim, and fills those that are small
+//! Takes a draft with open edges, fills those of its rims that are small
 //! with the triangles of least area between their vertices (Barequet and Sharir,
 //! "Filling gaps in the boundary of a polyhedron", 1995, section 3). Large ones are
 //! left: they may be meant, and a filling would be invented.
 use super::around;
 use super::draft::Draft;
+use super::rim::Rims;
 use crate::mesh::report::Mended;
-use crate::mesh::shells::{Shell, Shells};
-use crate::mesh::twins::{CROWDED, next};
+use crate::mesh::shells::Shells;
 use crate::mesh::vector::{area, distance};
 
 /// Most edges of a rim that is filled: the search takes their cube.
@@ -25,7 +25,7 @@ const AREA: f64 = 0.01;
 /// in parts of the diagonal: 10 µm for a part of 100 mm.
 const SLIT_WIDTH: f64 = 1e-4;
 
-/// Largest part of its shell's area that a hole of three edges has when it is
+/// Largest part of the whole mesh's area that a hole of three edges has when it is
 /// filled: a triangle that went missing.
 const TRIANGLE_AREA: f64 = 0.5;
 
@@ -35,17 +35,19 @@ const AREAS_MAX: usize = 100_000_000;
 /// Fills what is small.
 pub(super) fn fill(draft: &mut Draft, mended: &mut Mended) {
     let shells = Shells::of(&draft.vertices, &draft.triangles, &draft.pairing.twins);
+    let whole_mm2 = shells.list.iter().map(|s| s.area_mm2).sum();
     let mut areas = AREAS_MAX;
     let mut added = Vec::new();
     for rim in Rims::of(draft).iter() {
-        let cost = rim.len() * rim.len() * rim.len() / 6;
-        if !(3..=EDGES_MAX).contains(&rim.len()) || cost > areas {
+        if !(3..=EDGES_MAX).contains(&rim.len()) {
             continue;
         }
-        areas -= cost;
-        let shell = &shells.list[shells.of[(rim[0] / 3) as usize] as usize];
+        let Some(left) = areas.checked_sub(rim.len().pow(3) / 6) else { break };
+        areas = left;
+        let area_mm2 = |&h: &u32| shells.list[shells.of[(h / 3) as usize] as usize].area_mm2;
+        let shell_mm2 = rim.iter().map(area_mm2).fold(0.0, f64::max);
         let Some((triangles, filling_mm2)) = cover(draft, rim) else { continue };
-        if is_small(draft, rim, filling_mm2, shell) {
+        if is_small(draft, rim, filling_mm2, [shell_mm2, whole_mm2]) {
             mended.filled_holes += 1;
             mended.filling_triangles += triangles.len() as u64;
             added.extend(triangles);
@@ -58,74 +60,16 @@ pub(super) fn fill(draft: &mut Draft, mended: &mut Mended) {
     }
 }
 
-/// The half-edges along each rim, each beginning where the one before ends; no vertex
-/// comes twice in a rim.
-///
-/// From one half-edge to the next the way goes through the triangles about their
-/// vertex. Where two holes share a vertex it leads from one into the other, and what
-/// came in between is cut out as a rim of its own.
-struct Rims {
-    half_edges: Vec<u32>,
-    /// Where in `half_edges` each rim ends.
-    ends: Vec<usize>,
-}
-
-/// Not in the rim that is being followed.
-const NOWHERE: u32 = u32::MAX;
-
-impl Rims {
-    fn of(draft: &Draft) -> Rims {
-        let twins = &draft.pairing.twins;
-        let mut seen = vec![false; twins.len()];
-        let mut positions = vec![NOWHERE; draft.vertices.len()];
-        let mut rims = Rims { half_edges: Vec::new(), ends: Vec::new() };
-        let mut path = Vec::new();
-        for first in 0..twins.len() as u32 {
-            let mut h = first;
-            while twins[h as usize] >= CROWDED && !std::mem::replace(&mut seen[h as usize], true) {
-                let start = draft.ends(h)[0] as usize;
-                if positions[start] != NOWHERE {
-                    rims.cut(draft, &mut path, positions[start], &mut positions);
-                }
-                positions[start] = path.len() as u32;
-                path.push(h);
-                h = next(h);
-                while twins[h as usize] < CROWDED {
-                    h = next(twins[h as usize]);
-                }
-            }
-            if !path.is_empty() {
-                rims.cut(draft, &mut path, 0, &mut positions);
-            }
-        }
-        rims
-    }
-
-    /// Makes the end of a path, from a position on, a rim.
-    fn cut(&mut self, draft: &Draft, path: &mut Vec<u32>, from: u32, positions: &mut [u32]) {
-        for h in path.drain(from as usize..) {
-            positions[draft.ends(h)[0] as usize] = NOWHERE;
-            self.half_edges.push(h);
-        }
-        self.ends.push(self.half_edges.len());
-    }
-
-    fn iter(&self) -> impl Iterator<Item = &[u32]> {
-        let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        starts.zip(&self.ends).map(|(from, &to)| &self.half_edges[from..to])
-    }
-}
-
-/// Whether a rim is a hole that nobody meant.
-fn is_small(draft: &Draft, rim: &[u32], filling_mm2: f64, shell: &Shell) -> bool {
+/// Whether a rim is a hole that nobody meant; the shell is the largest that it borders.
+fn is_small(draft: &Draft, rim: &[u32], filling_mm2: f64, [shell_mm2, whole_mm2]: [f64; 2]) -> bool {
     let length = |&h: &u32| {
         let [a, b] = draft.ends(h).map(|v| draft.vertices[v as usize]);
         distance(a, b)
     };
     let perimeter: f64 = rim.iter().map(length).sum();
-    let a_triangle = rim.len() == 3 && filling_mm2 <= TRIANGLE_AREA * shell.area_mm2;
+    let a_triangle = rim.len() == 3 && filling_mm2 <= TRIANGLE_AREA * whole_mm2;
     let a_slit = filling_mm2 <= SLIT_WIDTH * draft.diagonal_mm * perimeter / 2.0;
-    let a_spot = perimeter <= PERIMETER * draft.diagonal_mm && filling_mm2 <= AREA * shell.area_mm2;
+    let a_spot = perimeter <= PERIMETER * draft.diagonal_mm && filling_mm2 <= AREA * shell_mm2;
     a_triangle || a_slit || a_spot
 }
 

@@ -9,9 +9,9 @@ use super::rays::Columns;
 use crate::mesh::report::Mended;
 use crate::mesh::shells::{Shell, Shells};
 
-/// Net area (what its openings would take) of an open shell, in parts of its area, up
-/// to which its volume means anything.
-const OPENING: f64 = 0.2;
+/// Area that the rims of an open shell could enclose at most (as circles), in parts of
+/// its own, up to which its volume means anything. A box without its lid has 0.25.
+const OPENING: f64 = 0.3;
 
 /// Volume of a shell by area^1.5 up to which it is taken for a sheet; a cube has 0.068.
 const SHEET: f64 = 1e-3;
@@ -43,7 +43,8 @@ fn is_negative(shell: &Shell) -> bool {
     if shell.open_edges == 0 {
         return shell.volume_mm3 < 0.0;
     }
-    shell.net_area_mm2 <= OPENING * shell.area_mm2 && shell.volume_mm3 < -SHEET * shell.area_mm2.powf(1.5)
+    let opening_mm2 = shell.rim_mm * shell.rim_mm / (4.0 * std::f64::consts::PI);
+    opening_mm2 <= OPENING * shell.area_mm2 && shell.volume_mm3 < -SHEET * shell.area_mm2.powf(1.5)
 }
 
 /// For each shell whether it is to be turned.

@@ -8,7 +8,7 @@
 //! # Layout, in the order in which it happens
 //! [`duplicate`] triangles · [`weld`] of rims that nearly meet · [`zero_area`] ·
 //! [`t_junction`]s · [`flip`]ped triangles · [`around`] edges of many triangles ·
-//! small [`hole`]s · shells [`inside_out`].
+//! small [`hole`]s (with [`rim`]) · shells [`inside_out`].
 mod around;
 mod draft;
 mod duplicate;
@@ -16,6 +16,7 @@ mod flip;
 mod hole;
 mod inside_out;
 mod rays;
+mod rim;
 mod t_junction;
 mod weld;
 mod zero_area;

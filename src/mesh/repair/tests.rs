@@ -190,6 +190,35 @@ fn small_holes_are_filled_and_large_ones_told() {
 }
 
 #[test]
+fn holes_that_share_a_vertex_are_two() {
+    let mut soup = torus([0.0; 3], [10.0, 3.0], 24, 12);
+    let volume = soup.mesh().volume_mm3();
+    // The first triangles of two quadrilaterals that meet in a corner only.
+    soup.0.remove(2 * 13);
+    soup.0.remove(0);
+    check("two", &soup, Some(volume), Mended { filled_holes: 2, filling_triangles: 2, ..CLEAN });
+}
+
+#[test]
+fn a_row_of_holes_that_cuts_a_body_in_bands_is_filled() {
+    let (n, m) = (24, 12);
+    let whole = torus([0.0; 3], [10.0, 3.0], n, m);
+    let volume = whole.mesh().volume_mm3();
+    let rows = |rows: &[usize]| {
+        let lost = |k: &usize| k % 2 == 0 && rows.contains(&(k / 2 % m));
+        Soup((0..whole.0.len()).filter(|k| !lost(k)).map(|k| whole.0[k]).collect())
+    };
+    let filled = |count: u64| Mended { filled_holes: count, filling_triangles: count, ..CLEAN };
+    check("one row", &rows(&[3]), Some(volume), filled(24));
+    check("two rows", &rows(&[0, 5]), Some(volume), filled(48));
+    // Three holes at every vertex between, and the triangles of the first row hang on nothing.
+    check("two rows side by side", &rows(&[3, 4]), Some(volume), filled(48));
+    let star = |k: usize| k % 2 == 0 && [3, 4, 5].contains(&(k / 2 % m)) && [3, 4, 5].contains(&(k / 2 / m));
+    let nine = Soup((0..whole.0.len()).filter(|&k| !star(k)).map(|k| whole.0[k]).collect());
+    check("nine in a square", &nine, Some(volume), filled(9));
+}
+
+#[test]
 fn edges_are_split_where_vertices_lie_on_them() {
     // The top of a block in pieces of a fifth by a seventh, the sides in one.
     let mut soup = cube(0.0);

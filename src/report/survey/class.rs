@@ -48,7 +48,7 @@ impl Class {
     /// first appear (paper 003, Figs. 8 and 10).
     pub(in super::super) fn colour(self) -> Rgb {
         match self {
-            Class::Aid => [0xd3, 0xe4, 0xd0],
+            Class::Aid => [0xbc, 0xd9, 0xb6],
             Class::Body => [0xc3, 0xcc, 0xd8],
             Class::Island => [0x7d, 0xc4, 0xf5],
             Class::Appears => [0x0b, 0x3a, 0x9c],

@@ -24,7 +24,7 @@ pub mod stack;
 use crate::detect::island::Standing;
 use crate::detect::overhang::Piece;
 use crate::detect::walk;
-use crate::layers::shape::{Bounds, Polygon};
+use crate::layers::shape::{Bounds, Point, Polygon};
 use crate::layers::stack::Layer;
 use class::Class;
 
@@ -77,8 +77,14 @@ pub struct Survey {
     /// All layers, when a page is asked for.
     pub stack: Option<stack::Stack>,
     /// Of all pieces.
-    pub bounds: Bounds,
+    all: Bounds,
+    /// Of the part alone.
+    part: Bounds,
 }
+
+/// What is printed besides the part is shown up to so far from it, mm: a skirt, but
+/// not the prime line at the other end of the plate.
+const BESIDE_MM: f64 = 6.0;
 
 impl Survey {
     /// Of no layer yet. `stack`: whether a page will be made of it.
@@ -88,19 +94,69 @@ impl Survey {
             elevation: elevation::Elevation::default(),
             notable: notable::Notable::default(),
             stack: stack.then(stack::Stack::default),
-            bounds: Bounds::EMPTY,
+            all: Bounds::EMPTY,
+            part: Bounds::EMPTY,
+        }
+    }
+
+    /// What pictures show, seen from above: the part, and what is printed close to it.
+    /// [`Bounds::EMPTY`] when nothing is printed.
+    #[must_use]
+    pub fn shown(&self) -> Bounds {
+        if self.part == Bounds::EMPTY {
+            return self.all;
+        }
+        let beside = Point::from_mm(BESIDE_MM, BESIDE_MM);
+        let (part, all) = (self.part, self.all);
+        let least = |c: i32, by: i32, limit: i32| c.saturating_sub(by).max(limit);
+        let most = |c: i32, by: i32, limit: i32| c.saturating_add(by).min(limit);
+        Bounds {
+            min: Point {
+                x: least(part.min.x, beside.x, all.min.x),
+                y: least(part.min.y, beside.y, all.min.y),
+            },
+            max: Point { x: most(part.max.x, beside.x, all.max.x), y: most(part.max.y, beside.y, all.max.y) },
         }
     }
 
     /// Takes the next layer.
     pub fn add(&mut self, seen: Seen) {
-        for (_, polygon) in seen.pieces() {
-            self.bounds = self.bounds.joined(polygon.bounds());
-        }
+        self.part = self.part.joined(seen.layer.part.bounds());
+        self.all = self.part.joined(self.all).joined(seen.layer.aid.bounds());
         self.elevation.add(seen);
         self.notable.add(seen);
         if let Some(stack) = &mut self.stack {
             stack.add(seen);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layers::shape::Region;
+
+    /// A square of 10 mm from a place on.
+    fn square(x_mm: f64) -> Region {
+        let corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)];
+        let ring = corners.map(|(x, y)| Point::from_mm(x + x_mm, y)).to_vec();
+        Region { polygons: vec![Polygon { rings: vec![ring] }] }
+    }
+
+    fn shown(part: Region, aid: Region) -> [[f64; 2]; 2] {
+        let mut survey = Survey::new(false);
+        let layer = Layer { part, aid, ..Layer::default() };
+        survey.add(Seen { layer: &layer, standings: &[], overhangs: &[] });
+        survey.shown().mm()
+    }
+
+    #[test]
+    fn the_part_fills_the_picture() {
+        let nothing = Region::default;
+        assert_eq!(shown(square(0.0), nothing()), [[0.0, 0.0], [10.0, 10.0]]);
+        assert_eq!(shown(square(0.0), square(3.0)), [[0.0, 0.0], [13.0, 10.0]]);
+        assert_eq!(shown(square(0.0), square(-100.0)), [[-6.0, 0.0], [10.0, 10.0]]);
+        assert_eq!(shown(nothing(), square(50.0)), [[50.0, 0.0], [60.0, 10.0]]);
+        assert_eq!(Survey::new(true).shown(), Bounds::EMPTY);
     }
 }

@@ -41,10 +41,10 @@ impl Wedge {
         if distance < self.reach - self.tolerance {
             return false;
         }
-        if let Some([right, left]) = self.ends {
-            if cross(right, v) < 0.0 || cross(v, left) < 0.0 || dot(v, right) + dot(v, left) < 0.0 {
-                return false;
-            }
+        if let Some([right, left]) = self.ends
+            && (cross(right, v) < 0.0 || cross(v, left) < 0.0 || dot(v, right) + dot(v, left) < 0.0)
+        {
+            return false;
         }
         self.reach = self.reach.max(distance);
         if distance > self.tolerance {

@@ -16,7 +16,7 @@ use super::class::{ALL, Class};
 use crate::report::canvas::png::Png;
 use crate::report::canvas::svg::Svg;
 use crate::report::canvas::{Anchor, Canvas, Style, font, shortened};
-use crate::report::check::Report;
+use crate::report::check::{Report, height_words};
 use crate::report::svg::Rgb;
 
 /// Width of the picture, px.
@@ -199,9 +199,9 @@ fn list(report: &Report) -> Vec<String> {
         regions
             .map(|r| {
                 format!(
-                    "layer {}, Z {:.2}: {:.2} mm² at {}",
+                    "layer {}, Z {}: {:.2} mm² at {}",
                     r.layer,
-                    r.top_mm,
+                    height_words(r.top_mm),
                     r.area_mm2,
                     place(r.centroid_mm)
                 )
@@ -211,9 +211,9 @@ fn list(report: &Report) -> Vec<String> {
         let mark = |(k, i): (usize, &&crate::report::check::Island)| {
             let number = if k < views::MARKED_MAX { format!("{}  ", k + 1) } else { String::new() };
             format!(
-                "{number}layer {}, Z {:.2}: {:.2} mm² at {}",
+                "{number}layer {}, Z {}: {:.2} mm² at {}",
                 i.layer,
-                i.top_mm,
+                height_words(i.top_mm),
                 i.area_mm2,
                 place(i.centroid_mm)
             )
@@ -233,4 +233,78 @@ fn any_of(classes: impl Iterator<Item = Class>) -> [bool; ALL.len()] {
     let mut found = [false; ALL.len()];
     classes.for_each(|class| found[class as usize] = true);
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Seen;
+    use super::*;
+    use crate::detect::island::Standing;
+    use crate::layers::shape::{Point, Polygon, Region};
+    use crate::layers::stack::Layer;
+    use crate::report::check::testing::island;
+
+    fn square(x: f64, y: f64, side: f64) -> Polygon {
+        let corners = [(x, y), (x + side, y), (x + side, y + side), (x, y + side)];
+        Polygon { rings: vec![corners.map(|(x, y)| Point::from_mm(x, y)).to_vec()] }
+    }
+
+    fn add(survey: &mut Survey, number: u32, polygons: Vec<Polygon>, standing: Standing) {
+        let standings = vec![standing; polygons.len()];
+        let layer = Layer {
+            number,
+            bottom_mm: f64::from(number) * 0.1,
+            top_mm: f64::from(number + 1) * 0.1,
+            part: Region { polygons },
+            aid: Region::default(),
+        };
+        survey.add(Seen { layer: &layer, standings: &standings, overhangs: &[] });
+    }
+
+    fn well_drawn(svg: &str) {
+        assert!(svg.starts_with("<svg ") && svg.ends_with("</svg>\n"));
+        assert!(!svg.contains("NaN") && !svg.contains("inf"));
+    }
+
+    #[test]
+    fn nothing_at_all_is_a_picture_too() {
+        let report = Report { file: "a/b.stl".into(), ..Report::default() };
+        let text = svg(&report, &Survey::new(false));
+        well_drawn(&text);
+        assert!(text.contains(">b.stl</text>") && text.contains(">no islands</text>"));
+        assert!(png(&report, &Survey::new(false)).is_ok_and(|bytes| bytes.starts_with(b"\x89PNG")));
+    }
+
+    #[test]
+    fn islands_are_numbered_in_the_list_and_in_both_views() {
+        let mut survey = Survey::new(false);
+        add(&mut survey, 0, vec![square(0.0, 0.0, 9.0)], Standing::Body);
+        add(&mut survey, 1, vec![square(1.0, -3.0, 1.0)], Standing::Appears);
+        let report = Report { file: "a".into(), islands: vec![island(1, 1.0)], ..Report::default() };
+        let text = svg(&report, &survey);
+        well_drawn(&text);
+        assert!(text.contains(">1  layer 1, Z 0.20: 1.00 mm² at X 1.5 Y -2.5</text>"));
+        assert_eq!(text.matches(">1</text>").count(), 2);
+        assert!(text.contains(">layer 1, Z 0.20 mm</text>"));
+    }
+
+    #[test]
+    fn a_name_is_only_text() {
+        let report = Report { file: "</title><script>".into(), ..Report::default() };
+        let text = svg(&report, &Survey::new(false));
+        assert!(!text.contains("<script") && text.matches("&lt;script&gt;").count() == 2);
+    }
+
+    #[test]
+    fn crumbs_everywhere_stay_a_small_picture() {
+        let mut survey = Survey::new(false);
+        for number in 0..8 {
+            let shift = f64::from(number) * 0.37;
+            let crumb = |k: u32| square(f64::from(k % 100) + shift, f64::from(k / 100), 0.3);
+            add(&mut survey, number, (0..3_000).map(crumb).collect(), Standing::Appears);
+        }
+        let text = svg(&Report::default(), &survey);
+        well_drawn(&text);
+        assert!(text.len() < 5_000_000, "{} bytes", text.len());
+    }
 }

@@ -9,6 +9,7 @@ use super::views::round_step;
 use super::{FAINT, HAIR, INK, PAPER, any_of, bold, style};
 use crate::layers::shape::{Point, Polygon};
 use crate::report::canvas::{Anchor, Canvas, Outline, Style};
+use crate::report::check::height_words;
 
 /// Layers in a row.
 const COLUMNS: usize = 4;
@@ -37,6 +38,9 @@ const POINTS_MAX: usize = 20_000;
 /// An island smaller than this has a ring around it, px.
 const RING_PX: f64 = 14.0;
 
+/// Most rings in a layer: with more, rings are all that would be seen.
+const RINGS_MAX: usize = 60;
+
 /// Least extent that is scaled to the frame, mm.
 const EXTENT_MIN_MM: f64 = 1.0;
 
@@ -58,8 +62,9 @@ impl<'a> Sheet<'a> {
         let layers: Vec<&Shown> = survey.notable.layers().collect();
         let cell = (width - GAP * (COLUMNS - 1) as f64) / COLUMNS as f64;
         let (mut extent, mut centre) = ([EXTENT_MIN_MM; 2], [0.0; 2]);
-        if survey.bounds.min.x <= survey.bounds.max.x {
-            let [low, high] = survey.bounds.mm();
+        let bounds = survey.shown();
+        if bounds.min.x <= bounds.max.x {
+            let [low, high] = bounds.mm();
             extent = [0, 1].map(|k| (high[k] - low[k]).max(EXTENT_MIN_MM));
             centre = [0, 1].map(|k| f64::midpoint(low[k], high[k]));
         }
@@ -104,15 +109,18 @@ impl<'a> Sheet<'a> {
                 if class == Class::Appears {
                     rings.extend(self.ring(polygon, middle));
                 }
-                self.outlines(polygon, middle, &mut room, &mut outlines);
+                if self.fits(polygon, middle, [x, y]) {
+                    self.outlines(polygon, middle, &mut room, &mut outlines);
+                }
             }
             to.fill(&outlines, class.colour());
         }
+        rings.truncate(RINGS_MAX);
         for (centre, radius) in rings {
             to.circle(centre, radius, Class::Appears.colour(), 1.5);
         }
         self.scale_bar(to, [x + self.size[0] - BORDER, y + self.size[1] - BORDER]);
-        let words = format!("layer {}, Z {:.2} mm", layer.number, layer.top_mm);
+        let words = format!("layer {}, Z {} mm", layer.number, height_words(layer.top_mm));
         to.text([x, y + self.size[1] + 18.0], style(13.0, INK), &words);
         let mut areas = Vec::new();
         if layer.island_mm2 > 0.0 {
@@ -139,6 +147,13 @@ impl<'a> Sheet<'a> {
             *room -= points.len();
             to.push(points.into_iter().map(|p| self.place(p, middle)).collect());
         }
+    }
+
+    /// Whether it lies within the frame; a prime line at the other end of the plate does not.
+    fn fits(&self, polygon: &Polygon, middle: [f64; 2], [x, y]: [f64; 2]) -> bool {
+        let bounds = polygon.bounds();
+        let [low, high] = [bounds.min, bounds.max].map(|p| self.place(p, middle));
+        low[0] >= x && high[0] <= x + self.size[0] && high[1] >= y && low[1] <= y + self.size[1]
     }
 
     /// Around an island that is hard to see.

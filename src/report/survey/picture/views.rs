@@ -1,7 +1,7 @@
 //! The job seen from the front and from the right, with a scale of heights.
 use super::super::Survey;
 use super::super::class::{ALL, Class};
-use super::silhouette::{Place, outlines};
+use super::silhouette::{Place, View, outlines};
 use super::{FAINT, HAIR, INK, PAPER, any_of, style};
 use crate::report::canvas::{Anchor, Canvas, Style};
 use crate::report::check::Report;
@@ -42,7 +42,7 @@ pub(super) struct Views<'a> {
 impl<'a> Views<'a> {
     /// At a place, together at most so wide, px.
     pub(super) fn new(report: &'a Report, survey: &'a Survey, origin: [f64; 2], width: f64) -> Views<'a> {
-        let bounds = survey.bounds;
+        let bounds = survey.shown();
         let spans = if bounds.min.x > bounds.max.x {
             [[0.0, EXTENT_MIN_MM]; 2]
         } else {
@@ -95,8 +95,10 @@ impl<'a> Views<'a> {
 
     fn view(&self, to: &mut dyn Canvas, axis: usize, place: &Place) {
         // An island appears in one layer: too thin to see, so its mark tells the place.
+        let span_mm = self.spans[axis];
+        let view = View { of: &self.survey.elevation, axis, place: *place, span_mm };
         for class in ALL {
-            to.fill(&outlines(&self.survey.elevation, axis, class, place), class.colour());
+            to.fill(&outlines(&view, class), class.colour());
         }
         let mut labels: Vec<[f64; 2]> = Vec::new();
         for (k, island) in self.report.largest_islands().iter().take(MARKED_MAX).enumerate() {
