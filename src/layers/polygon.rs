@@ -8,8 +8,9 @@
 //!
 //! Where edges cross off the grid the crossing is rounded to it, and edges nearer than
 //! about one grid step may be drawn together. What touches is otherwise exact.
+use super::nest::Nester;
 use super::outline::outline;
-use super::shape::{Bounds, Point, Polygon, Region, Ring, UNITS_PER_MM};
+use super::shape::{Bounds, MAX_COORDINATE, Point, Polygon, Region, Ring, UNITS_PER_MM};
 use geo_clipper::{ClipperInt, EndType, JoinType};
 use geo_types::{Coord, LineString, MultiPolygon};
 use i_overlay::core::fill_rule::FillRule;
@@ -181,7 +182,9 @@ fn closed_line(ring: &Ring) -> LineString<i64> {
 }
 
 fn open_ring(line: LineString<i64>) -> Ring {
-    let mut ring: Ring = line.0.into_iter().map(|c| Point { x: c.x as i32, y: c.y as i32 }).collect();
+    let limit = i64::from(MAX_COORDINATE);
+    let within = |c: i64| c.clamp(-limit, limit) as i32;
+    let mut ring: Ring = line.0.into_iter().map(|c| Point { x: within(c.x), y: within(c.y) }).collect();
     if ring.len() > 1 && ring.first() == ring.last() {
         ring.pop();
     }
@@ -189,10 +192,13 @@ fn open_ring(line: LineString<i64>) -> Ring {
 }
 
 /// Everything within a distance of the region (negative: what is farther than it from the outside).
-/// Corners become arcs that differ from circles by at most 2 µm.
+/// Corners become arcs that differ from circles by at most 2 µm; what would leave the
+/// grid ends at its border. A distance that is no number is none.
 #[must_use]
 pub fn grow(a: &Region, distance_mm: f64) -> Region {
-    if distance_mm.is_nan() || distance_mm == 0.0 {
+    let farthest = 2.0 * f64::from(MAX_COORDINATE);
+    let distance = (distance_mm * UNITS_PER_MM).clamp(-farthest, farthest);
+    if distance.is_nan() || distance == 0.0 {
         return a.clone();
     }
     let polygon = |p: &Polygon| {
@@ -201,7 +207,7 @@ pub fn grow(a: &Region, distance_mm: f64) -> Region {
     };
     let all = MultiPolygon(a.polygons.iter().map(polygon).collect());
     let join = JoinType::Round(ARC_TOLERANCE_MM * UNITS_PER_MM);
-    let grown = ClipperInt::offset(&all, distance_mm * UNITS_PER_MM, join, EndType::ClosedPolygon);
+    let grown = ClipperInt::offset(&all, distance, join, EndType::ClosedPolygon);
     let rings: Vec<Ring> = grown
         .into_iter()
         .map(geo_types::Polygon::into_inner)
@@ -209,7 +215,7 @@ pub fn grow(a: &Region, distance_mm: f64) -> Region {
         .map(open_ring)
         .collect();
     // Clipper's rings may touch themselves; those of a region do not.
-    resolve(&rings, Inside::Odd)
+    Nester::default().nest(&rings).unwrap_or_else(|| resolve(&rings, Inside::Odd))
 }
 
 /// Everything within a distance of open paths: what a round nozzle of twice that width sweeps.

@@ -15,7 +15,7 @@
 //! - [`tangle`]: whether contours can be untangled at all
 use super::nest::Nester;
 use super::polygon::{self, Inside};
-use super::shape::{Region, UNITS_PER_MM};
+use super::shape::UNITS_PER_MM;
 use super::stack::{Layer, Layers};
 use super::tidy::tidy;
 use crate::mesh::Mesh;

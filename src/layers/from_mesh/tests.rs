@@ -1,6 +1,6 @@
 //! Slices of meshes made here, whose layers are known.
 use super::*;
-use crate::layers::shape::{Ring, twice_area};
+use crate::layers::shape::{Region, Ring, twice_area};
 use crate::mesh::OPEN;
 use proptest::prelude::*;
 use std::collections::HashMap;
@@ -124,10 +124,10 @@ fn an_octahedron_with_its_equator_on_a_plane() {
         [[0.0, 0.0, 0.9], [0.0, 0.0, 0.1]],
     );
     let mut soup = Soup::new();
-    for k in 0..8 {
-        let triangle = [x[k & 1], y[k >> 1 & 1], z[k >> 2 & 1]];
+    for k in 0..8_usize {
+        let triangle = [x[k & 1], y[k >> 1 & 1], z[k >> 2]];
         let [a, b, c] = triangle;
-        soup.push(if (k & 1) + (k >> 1 & 1) + (k >> 2 & 1) & 1 == 0 { triangle } else { [a, c, b] });
+        soup.push(if k.count_ones() % 2 == 0 { triangle } else { [a, c, b] });
     }
     // Its lower tip is on the first plane (a point is nothing), its upper on the last.
     let sliced = check(&soup, &[(0.0, 0), (0.5, 1), (2.0, 1), (0.5, 1)]);

@@ -183,3 +183,71 @@ proptest! {
         prop_assert_eq!(overlaps(&a, &b), expect);
     }
 }
+
+/// How far a point lies from a region's border, grid steps; negative inside.
+fn depth(region: &Region, [x, y]: [f64; 2]) -> f64 {
+    let (mut within, mut nearest) = (false, f64::INFINITY);
+    for ring in region.rings() {
+        for k in 0..ring.len() {
+            let at = |k: usize| [ring[k % ring.len()].x, ring[k % ring.len()].y].map(f64::from);
+            let ([ax, ay], [bx, by]) = (at(k), at(k + 1));
+            within ^= (ay > y) != (by > y) && ax + (y - ay) / (by - ay) * (bx - ax) > x;
+            let (dx, dy) = (bx - ax, by - ay);
+            let along = (((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
+            nearest = nearest.min((ax + along * dx - x).hypot(ay + along * dy - y));
+        }
+    }
+    if within { -nearest } else { nearest }
+}
+
+/// Regions with holes, pieces, narrow necks and sharp tips, about 1 mm wide.
+fn regions() -> impl Strategy<Value = Region> {
+    let point = || (0..100_i32, 0..100_i32).prop_map(|(x, y)| Point { x: 100 * x, y: 100 * y });
+    let rings = || prop::collection::vec(prop::collection::vec(point(), 3..9), 1..4);
+    (rings(), rings()).prop_map(|(solid, cut)| {
+        let of = |rings: &[Ring]| resolve(rings, Inside::NonZero);
+        difference(&of(&solid), &of(&cut))
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 120, ..ProptestConfig::default() })]
+
+    #[test]
+    fn grown_is_what_lies_within_the_distance(
+        region in regions(),
+        steps in prop_oneof![-3000..3000_i32, -60..60_i32],
+        points in prop::collection::vec((-3000..13000_i32, -3000..13000_i32), 100),
+    ) {
+        let distance = f64::from(steps);
+        let grown = grow(&region, distance / UNITS_PER_MM);
+        for (x, y) in points {
+            let at = [f64::from(x) + 0.3, f64::from(y) + 0.7];
+            let beyond = depth(&region, at) - distance;
+            // The tolerance of arcs, and rounding where edges run together.
+            if beyond.abs() > 24.0 {
+                prop_assert_eq!(depth(&grown, at) < 0.0, beyond < 0.0, "{:?} {}", at, beyond);
+            }
+        }
+    }
+}
+
+#[test]
+fn growing_knows_its_limits() {
+    let square: Ring = [(0, 0), (9000, 0), (9000, 9000), (0, 9000)].map(|(x, y)| Point { x, y }).to_vec();
+    let region = resolve([&square], Inside::Positive);
+    let check = |mm: f64, area_mm2: std::ops::RangeInclusive<f64>| {
+        let found = grow(&region, mm).area_mm2();
+        assert!(area_mm2.contains(&found), "{mm}: {found}");
+    };
+    check(0.0, 0.81..=0.81);
+    check(f64::NAN, 0.81..=0.81);
+    check(-0.4, 0.009_999..=0.010_001);
+    check(-0.45, 0.0..=0.0);
+    check(-1e300, 0.0..=0.0);
+    // 4 × 0.9 × 0.1 and a disc of 0.1 mm more.
+    check(0.1, 1.20..=1.201_5);
+    // No farther than the grid: all of it, about 107 m wide.
+    check(1e300, 1.1e10..=1.2e10);
+    assert!(grow(&Region::default(), 1.0).is_empty());
+}
