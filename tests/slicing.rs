@@ -128,7 +128,7 @@ fn points_are_inside_a_layer_where_they_are_inside_the_mesh() {
         assert!(within > POINTS as u32 / 100, "{name}: hardly a point is inside");
         checked += 1;
     }
-    println!("{checked} meshes");
+    assert!(checked >= 12 || models().is_empty(), "only {checked} meshes are closed");
 }
 
 #[test]

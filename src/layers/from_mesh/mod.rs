@@ -6,6 +6,12 @@
 //! only integers are compared. A vertex that lies on a plane counts as below it, so
 //! that no case is special and every contour closes. Knows no file and no detector.
 //!
+//! Inside is what the contours wind around at least once, counter-clockwise seen from
+//! above counting up: bodies that overlap or lie in each other are one, a shell that is
+//! turned inside out is a hole in a body and nothing in the open. Mending turns wholly
+//! inverted shells round before; what is still inverted is where a surface runs through
+//! itself, and more was taken away there than there was.
+//!
 //! # Layout
 //! - [`heights`]: layer heights and the planes
 //! - [`grid`]: the mesh on the grid

@@ -127,7 +127,7 @@ fn an_octahedron_with_its_equator_on_a_plane() {
     for k in 0..8_usize {
         let triangle = [x[k & 1], y[k >> 1 & 1], z[k >> 2]];
         let [a, b, c] = triangle;
-        soup.push(if k.count_ones() % 2 == 0 { triangle } else { [a, c, b] });
+        soup.push(if k.count_ones().is_multiple_of(2) { triangle } else { [a, c, b] });
     }
     // Its lower tip is on the first plane (a point is nothing), its upper on the last.
     let sliced = check(&soup, &[(0.0, 0), (0.5, 1), (2.0, 1), (0.5, 1)]);

@@ -132,7 +132,7 @@ fn stars() -> impl Strategy<Value = Vec<Ring>> {
         |(x, y, size, corners, turned)| {
             let at = |k: u32| {
                 let angle = std::f64::consts::TAU * f64::from(k) / f64::from(corners);
-                let radius = f64::from(size) * if k % 2 == 0 { 1.0 } else { 0.6 };
+                let radius = f64::from(size) * if k.is_multiple_of(2) { 1.0 } else { 0.6 };
                 let point = |a: f64| (radius * a).round() as i32;
                 Point { x: x + point(angle.cos()), y: y + point(angle.sin()) }
             };
