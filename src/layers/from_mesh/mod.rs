@@ -27,6 +27,7 @@ use super::tidy::tidy;
 use crate::mesh::Mesh;
 use grid::Corner;
 pub use heights::{LayerHeights, MAX_LAYER_MM, MAX_LAYERS, MIN_LAYER_MM};
+use join::Joined;
 use rayon::prelude::*;
 use std::sync::Mutex;
 use sweep::{Crossed, Sweep};
@@ -212,9 +213,9 @@ impl<'a> FromMesh<'a> {
             Surface { corners: &self.corners, triangles: &self.mesh.triangles, twins: &self.mesh.twins };
         let plane = Plane { number: number as u32, z: self.planes[number] };
         let contours = surface.cut(plane, crossed, &mut scratch.visited);
-        let joined = join::join(&contours.open);
+        let Joined { rings: joined, open, widest } = join::join(&contours.open);
         let mut rings = contours.closed;
-        rings.extend(joined.rings.iter().cloned());
+        rings.extend(joined);
         rings.retain_mut(|ring| {
             tidy(ring);
             !ring.is_empty()
@@ -236,7 +237,7 @@ impl<'a> FromMesh<'a> {
             },
         };
         let layer = Layer { part, ..layer };
-        Ok(Cut { layer, open: joined.open, widest: joined.widest, crossing })
+        Ok(Cut { layer, open, widest, crossing })
     }
 
     fn note(&mut self, cut: Cut) -> Layer {
@@ -259,9 +260,9 @@ impl Layers for FromMesh<'_> {
     }
 
     fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, SliceError> {
+        let ready = self.ready.take().or_else(|| self.sweep.next());
+        let Some(crossed) = ready else { return Ok(None) };
         let mut sweep = std::mem::take(&mut self.sweep);
-        let crossed = self.ready.take().or_else(|| sweep.next());
-        let Some(crossed) = crossed else { return Ok(None) };
         let cut = |n: usize| self.cut(n, crossed.by_plane(n));
         // Finding the next batch's triangles is no work to share, but it need not be waited for.
         let (cuts, ready) = rayon::join(

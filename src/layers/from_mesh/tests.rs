@@ -69,11 +69,13 @@ fn torus(around: u32, across: u32, height: f64) -> Soup {
 
 fn layers_of(mesh: &Mesh, heights: LayerHeights) -> (Vec<Layer>, Sliced) {
     let mut source = FromMesh::new(mesh, heights).expect("a mesh that can be sliced");
+    let crossings = source.crossings();
     let mut layers = Vec::new();
-    while let Ok(Some(batch)) = source.next_batch() {
+    while let Some(batch) = source.next_batch().expect("a mesh that can be sliced to its end") {
         assert!(!batch.is_empty());
         layers.extend(batch);
     }
+    assert_eq!((source.crossings(), source.next_batch()), (crossings, Ok(None)));
     assert_eq!(source.count(), Some(layers.len() as u32));
     assert!(layers.iter().zip(0..).all(|(l, n)| l.number == n && l.aid.is_empty()));
     (layers, source.sliced())
