@@ -3,6 +3,8 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 target=${1:?usage: fuzz.sh archive|bgcode|gcode_line|job|reply|stl|wire [SECONDS]}
+seconds=${2:-180}
+# Longest input: a few lines, layers, blocks, triangles.
 case $target in
 gcode_line) seeds=gcode_line dict=gcode_line max_len=512 ;;
 wire) seeds=gcode_line dict=gcode_line max_len=256 ;;

@@ -32,7 +32,8 @@ pub const SMALLEST_PIXEL_MM: f64 = 0.001;
 
 /// The overhanging pieces of a layer, for a reach in mm; see
 /// [`super::overhang_layer::reach_mm`]. A polygon wider than
-/// 65,536 pixels is looked at with larger ones.
+/// 65,536 pixels, or with more than 8 million that nothing lies under, is looked at with
+/// larger ones.
 #[must_use]
 pub fn pieces(
     below: &Layer,
@@ -53,8 +54,7 @@ pub fn pieces(
             Growth::Conditional => linked.iter().map(|&b| lower[b as usize]).collect(),
             Growth::Naive => lower.clone(),
         };
-        let grid = Grid::over(polygon.bounds(), pixel_mm.max(SMALLEST_PIXEL_MM) * UNITS_PER_MM);
-        let bare = Bare::new(polygon, &holding, &grid);
+        let (bare, grid) = Bare::bounded(polygon, &holding, pixel_mm);
         if bare.count == 0 {
             continue;
         }
@@ -68,6 +68,21 @@ pub fn pieces(
     }
     found
 }
+
+/// A region as an image shows it: the pixels whose centres lie inside, as polygons. For
+/// comparing what polygons say with what images say.
+#[must_use]
+pub fn pixels(polygons: &[Polygon], pixel_mm: f64) -> Vec<Polygon> {
+    let mut found = Vec::new();
+    for polygon in polygons {
+        let (bare, grid) = Bare::bounded(polygon, &[], pixel_mm);
+        found.extend(bare.outlines(&vec![false; bare.count], &grid));
+    }
+    found
+}
+
+/// Pixels of one polygon with nothing under them at most: about 200 MB.
+const MOST_BARE: usize = 1 << 23;
 
 /// The pixels of a polygon with nothing under them.
 struct Bare {
@@ -83,21 +98,35 @@ struct Bare {
 type V = [f64; 2];
 
 impl Bare {
+    /// With pixels of this size, or larger ones where they would be too many.
+    fn bounded(polygon: &Polygon, holding: &[&Polygon], pixel_mm: f64) -> (Bare, Grid) {
+        let all: Vec<&Polygon> = holding.iter().copied().chain([polygon]).collect();
+        let mut pixel = pixel_mm.max(SMALLEST_PIXEL_MM) * UNITS_PER_MM;
+        loop {
+            let grid = Grid::over(polygon.bounds(), pixel, &all);
+            let bare = Bare::new(polygon, holding, &grid);
+            if bare.count <= MOST_BARE {
+                return (bare, grid);
+            }
+            pixel = grid.pixel * 2.0;
+        }
+    }
+
     fn new(polygon: &Polygon, holding: &[&Polygon], grid: &Grid) -> Bare {
         let own = Raster::of(&[polygon], grid);
         let below = Raster::of(holding, grid);
         let bare = own.minus(&below);
-        let mut count = 0_u32;
+        let mut count = 0_usize;
         let mut row_starts = |row: &Vec<(i32, i32)>| -> Vec<u32> {
             let mut index = |&(from, to): &(i32, i32)| {
-                let first = count;
-                count += (to - from).unsigned_abs();
+                let first = count as u32;
+                count += (to - from).unsigned_abs() as usize;
                 first
             };
             row.iter().map(&mut index).collect()
         };
         let starts = bare.rows.iter().map(&mut row_starts).collect();
-        Bare { own, below, bare, starts, count: count as usize }
+        Bare { own, below, bare, starts, count }
     }
 
     fn index(&self, x: i32, row: i32) -> Option<usize> {

@@ -110,8 +110,10 @@ impl<'a> Outline<'a> {
             edges_of(self.polygon).any(&mut see);
         } else {
             let slabs = self.slabs.get_or_init(|| Slabs::new(edges_of(self.polygon)));
-            // Half a step above a whole one, a point meets the edges of both neighbours.
-            slabs.near(p.y.div_euclid(2), p.y.div_euclid(2) + 1).iter().any(|&e| see(e));
+            // What lies beside a point half a step above a whole height reaches down to that
+            // height: one slab holds all of it, and each edge once.
+            let height = p.y.div_euclid(2);
+            slabs.near(height, height).iter().any(|&e| see(e));
         }
     }
 

@@ -62,7 +62,8 @@ impl Slabs {
         usize::try_from((y - self.bottom) / self.height).unwrap_or(0)
     }
 
-    /// All edges that reach into the heights from `low` to `high`; one may come twice.
+    /// All edges that reach into the heights from `low` to `high`. One may come twice where
+    /// these are two heights, never where they are one.
     pub(super) fn near(&self, low: i64, high: i64) -> &[Edge] {
         let last = self.starts.len() - 1;
         let (from, to) = (self.at(low).min(last), (self.at(high) + 1).min(last));
@@ -87,6 +88,15 @@ mod tests {
             let ring: Ring = ring.into_iter().map(|(x, y)| Point { x, y }).collect();
             let slabs = Slabs::new(edges(&ring));
             let near = slabs.near(low, low + rise);
+            let mut alone = slabs.near(low, low).to_vec();
+            alone.sort_unstable();
+            let mut all: Vec<Edge> = edges(&ring).collect();
+            all.sort_unstable();
+            // The ring itself may run along an edge more than once.
+            for edge in &alone {
+                let count = |list: &[Edge]| list.iter().filter(|e| *e == edge).count();
+                prop_assert!(count(&alone) <= count(&all));
+            }
             prop_assert!(slabs.edges.len() <= 4 * ring.len());
             for edge in edges(&ring) {
                 let (a, b) = (i64::from(edge.0.y), i64::from(edge.1.y));

@@ -199,3 +199,139 @@ impl Track {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::island::Standing;
+    use super::super::testing::{layer, region};
+    use super::*;
+    use std::convert::Infallible;
+
+    /// Layers in batches of this many.
+    struct Given(Vec<Layer>, usize);
+
+    impl Layers for Given {
+        type Error = Infallible;
+
+        fn count(&self) -> Option<u32> {
+            None
+        }
+
+        fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, Infallible> {
+            let batch: Vec<Layer> = self.0.drain(..self.1.min(self.0.len())).collect();
+            Ok((!batch.is_empty()).then_some(batch))
+        }
+    }
+
+    /// Notes what it sees.
+    #[derive(Default)]
+    struct Notes {
+        laps: Vec<Stage>,
+        layers: Vec<(u32, usize, usize)>,
+    }
+
+    impl Watch for Notes {
+        fn lap(&mut self, stage: Stage) {
+            self.laps.push(stage);
+        }
+
+        fn layer(&mut self, seen: &Seen<'_>) {
+            assert_eq!(seen.standings.part.len(), seen.layer.part.polygons.len());
+            let bodies = seen.standings.part.iter().filter(|s| **s == Standing::Body).count();
+            self.layers.push((seen.layer.number, bodies, seen.overhang.len()));
+        }
+    }
+
+    /// A post with a wall that leans out at 60°, a roof, and an island under the roof.
+    fn scene() -> Vec<Layer> {
+        let lean = 0.1 * f64::to_radians(60.0).tan();
+        (0..20_u32)
+            .map(|k| {
+                let right = 2.0 + lean * f64::from(k.min(15));
+                let mut rectangles = vec![[0.0, 0.0, right, 2.0]];
+                if k >= 4 {
+                    rectangles.push([8.0, 0.0, 9.0, 1.0]);
+                }
+                if k >= 16 {
+                    rectangles.push([0.0, 0.0, 9.0, 2.0]);
+                }
+                layer(k, region(&rectangles, &[]))
+            })
+            .collect()
+    }
+
+    fn ask() -> Ask {
+        let rules = SelfSupport { angle_deg: 45.0, bridge_mm: 0.0, min_area_mm2: 0.5 };
+        Ask {
+            min_island_mm2: 0.1,
+            layer: Some(LayerAsk { rules, growth: Growth::Conditional }),
+            image: Some(ImageAsk { rules, growth: Growth::Conditional, pixel_mm: 0.02 }),
+        }
+    }
+
+    #[test]
+    fn batches_change_nothing() {
+        let mut all = Vec::new();
+        for size in [1, 3, 20] {
+            let mut notes = Notes::default();
+            let Ok(found) = walk(&mut Given(scene(), size), &ask(), &mut notes);
+            let laps = notes.laps.len();
+            assert_eq!(laps, 4 * 20_usize.div_ceil(size));
+            assert_eq!(notes.laps[..4], [Stage::Slice, Stage::Islands, Stage::Overhangs, Stage::Watch]);
+            all.push((found, notes.layers));
+        }
+        assert!(all[0] == all[1] && all[0] == all[2]);
+        let (found, seen) = &all[0];
+        assert_eq!((found.layers, seen.len()), (20, 20));
+        assert!((found.height_mm - 2.0).abs() < 1e-9);
+        // Layers 1 to 15 have a strip each, layer 4 the island besides, 16 the roof.
+        let overhangs: Vec<usize> = seen.iter().map(|s| s.2).collect();
+        let expect: Vec<usize> = (0..20)
+            .map(|k| match k {
+                4 => 2,
+                1..=16 => 1,
+                _ => 0,
+            })
+            .collect();
+        assert_eq!(overhangs, expect);
+    }
+
+    #[test]
+    fn strips_of_neighbouring_layers_are_one_region() {
+        let Ok(found) = walk(&mut Given(scene(), 4), &ask(), &mut ());
+        let island = &found.islands.islands[0];
+        assert_eq!((found.islands.islands.len(), island.layer, island.end_layer), (1, 4, 16));
+        for (overhangs, tolerance) in [(found.layer, 0.001), (found.image, 0.02)] {
+            let overhangs = overhangs.expect("was asked for");
+            // The leaning wall goes over into the roof; the island is by itself.
+            let regions: Vec<_> =
+                overhangs.regions.iter().map(|r| (r.layer, r.end_layer, r.island)).collect();
+            assert_eq!(regions, [(1, 16, false), (4, 4, true)], "{overhangs:?}");
+            let lean = 0.1 * f64::to_radians(60.0).tan();
+            let (reach, right) = (0.1 + overhang_layer::SLACK_MM, 2.0 + 15.0 * lean);
+            let strips = 15.0 * (lean - reach) * 2.0;
+            // Under the roof: what neither the wall nor the island holds beside it.
+            let beside = 1.0 + 2.0 * reach + reach * reach * std::f64::consts::FRAC_PI_4;
+            let expect = strips + 2.0 * (9.0 - right - reach) - beside;
+            let got = overhangs.regions[0].area_mm2;
+            assert!((got / expect - 1.0).abs() < tolerance, "{got} {expect}");
+            assert!((overhangs.regions[1].area_mm2 - 1.0).abs() < tolerance);
+            assert!((overhangs.area_mm2 - got - overhangs.regions[1].area_mm2).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn small_regions_and_islands_are_listed_apart() {
+        let mut ask = ask();
+        (ask.min_island_mm2, ask.image) = (1.1, None);
+        if let Some(layer) = &mut ask.layer {
+            layer.rules.min_area_mm2 = 1.1;
+        }
+        let Ok(found) = walk(&mut Given(scene(), 4), &ask, &mut ());
+        assert_eq!((found.islands.islands.len(), found.islands.small.len()), (0, 1));
+        let overhangs = found.layer.expect("was asked for");
+        assert_eq!((overhangs.regions.len(), overhangs.small.len()), (1, 1));
+        assert!((overhangs.small_area_mm2 - 1.0).abs() < 1e-3);
+        assert_eq!(found.image, None);
+    }
+}

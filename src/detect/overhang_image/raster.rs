@@ -8,6 +8,20 @@ use crate::layers::shape::{Bounds, Polygon};
 /// Pixels along a side of a grid at most; beyond it pixels get larger.
 pub(super) const MOST_PIXELS: f64 = 65_536.0;
 
+/// Crossings of borders with lines at most (about 250 MB); beyond it pixels get larger.
+const MOST_CROSSINGS: f64 = 3e7;
+
+/// Length of the borders along both axes within some bounds, at most, grid steps.
+fn border(polygons: &[&Polygon], bounds: Bounds) -> f64 {
+    let inside = |low: i32, high: i32, a: i32, b: i32| {
+        (f64::from(a.max(b).min(high)) - f64::from(a.min(b).max(low))).max(0.0)
+    };
+    let edge = |(a, b): Edge| {
+        inside(bounds.min.x, bounds.max.x, a.x, b.x) + inside(bounds.min.y, bounds.max.y, a.y, b.y)
+    };
+    polygons.iter().flat_map(|p| &p.rings).flat_map(edges).map(edge).sum()
+}
+
 /// Where the pixels are, in steps of the layers' grid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
@@ -21,11 +35,11 @@ pub(super) struct Grid {
 impl Grid {
     /// Over some bounds. Pixels lie at whole multiples of their size from the origin, so
     /// that those of all polygons agree.
-    pub(super) fn over(bounds: Bounds, pixel: f64) -> Grid {
+    pub(super) fn over(bounds: Bounds, pixel: f64, polygons: &[&Polygon]) -> Grid {
         let ends = |low: i32, high: i32| (f64::from(low), f64::from(high));
         let (x, y) = (ends(bounds.min.x, bounds.max.x), ends(bounds.min.y, bounds.max.y));
         let widest = (x.1 - x.0).max(y.1 - y.0).max(1.0);
-        let pixel = pixel.max(widest / MOST_PIXELS);
+        let pixel = pixel.max(widest / MOST_PIXELS).max(border(polygons, bounds) / MOST_CROSSINGS);
         let low = [(x.0 / pixel).floor() * pixel, (y.0 / pixel).floor() * pixel];
         let count = |k: usize, high: f64| ((high - low[k]) / pixel).ceil() as i32 + 1;
         Grid { low, pixel, columns: count(0, x.1), rows: count(1, y.1) }

@@ -2,17 +2,18 @@
 //!
 //! A sector over a held edge may leave the piece through a free edge and come back in
 //! through another, across a slot or behind a corner. Where a free edge turns its outer side to
-//! the held one within reach, that can be; there the sector is cut to the part of the
-//! piece that hangs together with the edge inside the sector. So no gap is jumped, and
-//! around a corner distance is measured straight. Everywhere else the sector stands.
+//! the held one within reach, that can be; there the edge holds what hangs together with it
+//! among all that lies in the piece and within reach of it, in short parts of the
+//! edge. So no gap is jumped, and around a corner distance is measured straight, the
+//! same rule as that of the images. Everywhere else the sector stands.
 use super::held::{Edge, NEAR, Sector, at, cross, distance_2, minus};
 use crate::detect::overlap::sweep;
 use crate::layers::polygon::within;
-use crate::layers::shape::{Polygon, Ring};
+use crate::layers::shape::{Point, Polygon, Ring};
 
-/// Sectors times vertices of a piece that are cut one by one at most, so that no piece takes
-/// long. Beyond it what could jump holds nothing: more is reported, nothing is missed.
-const MOST_CUT: usize = 1_000_000;
+/// Vertices that are cut at most, so that no piece takes long. Beyond it what could jump
+/// holds nothing: more is reported, nothing is missed.
+const MOST_CUT: usize = 4_000_000;
 
 /// What the sectors hold of the piece with these rings and free edges.
 pub(super) fn held_by(rings: &[Ring], free: &[Edge], sectors: Vec<Sector>, reach: f64) -> Vec<Ring> {
@@ -29,17 +30,25 @@ pub(super) fn held_by(rings: &[Ring], free: &[Edge], sectors: Vec<Sector>, reach
         false
     });
     let size: usize = rings.iter().map(Vec::len).sum();
-    let mut allowed = MOST_CUT / size.max(1);
+    let mut allowed = MOST_CUT;
     let mut held = Vec::new();
     for (sector, jumps) in sectors.into_iter().zip(may_jump) {
         if !jumps {
             held.push(sector.ring);
             continue;
         }
+        if allowed <= size {
+            continue;
+        }
+        allowed -= size;
+        // The whole piece is looked at once an edge; its parts see what lies around it.
+        let around = within(rings, [&around(sector.source, reach)]);
+        let local: Vec<Ring> = around.polygons.into_iter().flat_map(|p| p.rings).collect();
+        let cost = local.iter().map(Vec::len).sum::<usize>();
         for part in sector.parts(reach) {
+            allowed = allowed.saturating_sub(cost);
             if allowed > 0 {
-                allowed -= 1;
-                held.extend(attached(rings, &part));
+                held.extend(attached(&local, &part));
             }
         }
     }
@@ -68,6 +77,16 @@ fn near((a, b): Edge, (c, d): Edge, reach: f64) -> bool {
         || distance_2(b, c, d) <= reach_2
         || distance_2(c, a, b) <= reach_2
         || distance_2(d, a, b) <= reach_2
+}
+
+/// A rectangle with all within reach of an edge.
+fn around((a, b): Edge, reach: f64) -> Ring {
+    let more = reach + 4.0;
+    let low = [0, 1].map(|c: usize| (a[c].min(b[c]) - more).floor() as i32);
+    let high = [0, 1].map(|c: usize| (a[c].max(b[c]) + more).ceil() as i32);
+    [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
+        .map(|[x, y]| Point { x, y })
+        .to_vec()
 }
 
 /// The parts of the piece in a sector that hang together with the sector's source.

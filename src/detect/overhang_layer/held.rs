@@ -13,6 +13,9 @@ pub(super) const NEAR: f64 = 1.5;
 /// Widest part of a circle for which one chord stands, radians: it keeps within 0.4 % of the radius.
 const CHORD: f64 = std::f64::consts::PI / 18.0;
 
+/// Parts of one edge at most: one that is so much longer than the reach is cut coarser.
+const MOST_PARTS: f64 = 4096.0;
+
 /// A vector or a place in grid steps.
 pub(super) type V = [f64; 2];
 
@@ -161,17 +164,27 @@ pub(super) struct Sector {
 }
 
 impl Sector {
-    /// The same in parts no longer than the reach.
+    /// All within reach of the source, on either side of it, in parts of the source no
+    /// longer than a quarter of the reach: room for the ways to what a part holds, and
+    /// hardly more.
     pub(super) fn parts(self, reach: f64) -> Vec<Sector> {
         let (a, b) = self.source;
         let along = minus(b, a);
-        let count = (along[0].hypot(along[1]) / reach.max(1.0)).ceil();
-        if count <= 1.0 {
-            return vec![self];
-        }
+        let count = (4.0 * along[0].hypot(along[1]) / reach.max(1.0)).ceil().clamp(1.0, MOST_PARTS);
         let stop = |k: u32| [0, 1].map(|c: usize| a[c] + along[c] * f64::from(k) / count);
-        (0..count as u32).map(|k| rectangle(stop(k), stop(k + 1), reach)).collect()
+        (0..count as u32).map(|k| capsule(stop(k), stop(k + 1), reach)).collect()
     }
+}
+
+/// All within reach of an edge.
+fn capsule(a: V, b: V, reach: f64) -> Sector {
+    let way = if a == b { [1.0, 0.0] } else { unit(minus(b, a)) };
+    let halves = (PI / CHORD).round();
+    let half = |end: V, from: V| {
+        (0..=halves as u32).map(move |k| point(end, turned(from, PI * f64::from(k) / halves), reach))
+    };
+    let (right, left) = ([way[1], -way[0]], left(way));
+    Sector { ring: half(b, right).chain(half(a, left)).collect(), source: (a, b) }
 }
 
 /// The rectangle to the left of an edge.
@@ -190,6 +203,12 @@ fn unit(v: V) -> V {
 /// A quarter turn counter-clockwise.
 fn left(v: V) -> V {
     [-v[1], v[0]]
+}
+
+/// Turned counter-clockwise by an angle.
+fn turned(v: V, angle: f64) -> V {
+    let (sin, cos) = angle.sin_cos();
+    [v[0] * cos - v[1] * sin, v[0] * sin + v[1] * cos]
 }
 
 /// The angle from one direction counter-clockwise to another, 0 to 2π.
@@ -211,9 +230,7 @@ fn slice(centre: Point, from: V, to: V, angle: f64, reach: f64) -> Option<Ring> 
     let chords = (angle / CHORD).ceil().max(1.0);
     let mut ring = vec![centre, point(at(centre), from, reach)];
     for k in 1..chords as u32 {
-        let (sin, cos) = (angle * f64::from(k) / chords).sin_cos();
-        let way = [from[0] * cos - from[1] * sin, from[0] * sin + from[1] * cos];
-        ring.push(point(at(centre), way, reach));
+        ring.push(point(at(centre), turned(from, angle * f64::from(k) / chords), reach));
     }
     ring.push(point(at(centre), to, reach));
     Some(ring)

@@ -8,9 +8,10 @@
 //!
 //! A triangle that lies within reach of a held edge or vertex *of its own* is held, each
 //! of its points by a straight way inside the piece. The others come in runs; only these
-//! are left to booleans, with the held edges beside them, so that nothing far away and
-//! nothing across a gap is asked. Where a piece cannot be zipped nothing is said.
-use super::held::{Edge, Residual, V, at, cross, distance_2, minus};
+//! are left to booleans, with the held edges beside them along the border: nothing across
+//! a gap is asked, and a notch narrower than the reach is measured across. A piece that
+//! cannot be zipped (no point behind a slot sees a held edge) is no strip.
+use super::held::{Residual, V, at, cross, distance_2, minus};
 use crate::layers::shape::{Point, Ring};
 
 /// A triangle may be turned the wrong way by this, grid steps, since booleans round.
@@ -31,8 +32,6 @@ pub(super) struct Run {
     pub(super) from: usize,
     /// Number of held edges within reach.
     pub(super) edges: usize,
-    /// Its free edges.
-    pub(super) free: Vec<Edge>,
 }
 
 /// Two chains with the piece between them. Along the piece's border `held` comes first.
@@ -110,8 +109,7 @@ impl Strip {
             (low, high) = (0, last);
         }
         let from = (self.from + low) % self.around;
-        let free = self.free[open.1..=shut.1].windows(2).map(|e| (at(e[0]), at(e[1]))).collect();
-        Run { ring: tidy(ring), of: self.of, from, edges: high - low, free }
+        Run { ring: tidy(ring), of: self.of, from, edges: high - low }
     }
 }
 
