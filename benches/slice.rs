@@ -15,7 +15,7 @@ use criterion::{Criterion, SamplingMode, Throughput, criterion_group};
 use outrigger::layers::from_mesh::{FromMesh, LayerHeights};
 use outrigger::layers::nest::Nester;
 use outrigger::layers::polygon::{self, Inside};
-use outrigger::layers::shape::{Region, Ring, UNITS_PER_MM};
+use outrigger::layers::shape::{Region, Ring};
 use outrigger::layers::stack::Layers;
 use outrigger::mesh::Mesh;
 use std::hint::black_box;

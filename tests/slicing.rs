@@ -26,7 +26,7 @@ fn models() -> Vec<PathBuf> {
     let mut paths: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
     paths.retain(|p| p.extension().is_some_and(|e| e == "stl"));
     // The largest are for release builds.
-    let limit = if cfg!(debug_assertions) { 1_100_000 } else { u64::MAX };
+    let limit = if cfg!(debug_assertions) { 600_000 } else { u64::MAX };
     paths.retain(|p| p.metadata().is_ok_and(|m| m.len() < limit));
     paths.sort();
     paths
@@ -128,7 +128,7 @@ fn points_are_inside_a_layer_where_they_are_inside_the_mesh() {
         assert!(within > POINTS as u32 / 100, "{name}: hardly a point is inside");
         checked += 1;
     }
-    println!("{checked} meshes");
+    assert!(checked >= 12 || models().is_empty(), "only {checked} meshes are closed");
 }
 
 #[test]

@@ -8,8 +8,9 @@
 //!
 //! Where edges cross off the grid the crossing is rounded to it, and edges nearer than
 //! about one grid step may be drawn together. What touches is otherwise exact.
+use super::nest::Nester;
 use super::outline::outline;
-use super::shape::{Bounds, Point, Polygon, Region, Ring, UNITS_PER_MM};
+use super::shape::{Bounds, MAX_COORDINATE, Point, Polygon, Region, Ring, UNITS_PER_MM};
 use geo_clipper::{ClipperInt, EndType, JoinType};
 use geo_types::{Coord, LineString, MultiPolygon};
 use i_overlay::core::fill_rule::FillRule;
@@ -182,7 +183,9 @@ fn closed_line(ring: &Ring) -> LineString<i64> {
 }
 
 fn open_ring(line: LineString<i64>) -> Ring {
-    let mut ring: Ring = line.0.into_iter().map(|c| Point { x: c.x as i32, y: c.y as i32 }).collect();
+    let limit = i64::from(MAX_COORDINATE);
+    let within = |c: i64| c.clamp(-limit, limit) as i32;
+    let mut ring: Ring = line.0.into_iter().map(|c| Point { x: within(c.x), y: within(c.y) }).collect();
     if ring.len() > 1 && ring.first() == ring.last() {
         ring.pop();
     }
@@ -190,10 +193,13 @@ fn open_ring(line: LineString<i64>) -> Ring {
 }
 
 /// Everything within a distance of the region (negative: what is farther than it from the outside).
-/// Corners become arcs that differ from circles by at most 2 µm.
+/// Corners become arcs that differ from circles by at most 2 µm; what would leave the
+/// grid ends at its border. A distance that is no number is none.
 #[must_use]
 pub fn grow(a: &Region, distance_mm: f64) -> Region {
-    if distance_mm.is_nan() || distance_mm == 0.0 {
+    let farthest = 2.0 * f64::from(MAX_COORDINATE);
+    let distance = (distance_mm * UNITS_PER_MM).clamp(-farthest, farthest);
+    if distance.is_nan() || distance == 0.0 {
         return a.clone();
     }
     let polygon = |p: &Polygon| {
@@ -202,7 +208,7 @@ pub fn grow(a: &Region, distance_mm: f64) -> Region {
     };
     let all = MultiPolygon(a.polygons.iter().map(polygon).collect());
     let join = JoinType::Round(ARC_TOLERANCE_MM * UNITS_PER_MM);
-    let grown = ClipperInt::offset(&all, distance_mm * UNITS_PER_MM, join, EndType::ClosedPolygon);
+    let grown = ClipperInt::offset(&all, distance, join, EndType::ClosedPolygon);
     let rings: Vec<Ring> = grown
         .into_iter()
         .map(geo_types::Polygon::into_inner)
@@ -210,7 +216,7 @@ pub fn grow(a: &Region, distance_mm: f64) -> Region {
         .map(open_ring)
         .collect();
     // Clipper's rings may touch themselves; those of a region do not.
-    resolve(&rings, Inside::Odd)
+    Nester::default().nest(&rings).unwrap_or_else(|| resolve(&rings, Inside::Odd))
 }
 
 /// Everything within a distance of open paths: what a round nozzle of twice that width sweeps.
@@ -237,190 +243,4 @@ pub fn sweep<'a>(paths: impl IntoIterator<Item = (&'a [Point], f64)>, tolerance_
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::layers::shape::twice_area;
-    use proptest::prelude::*;
-
-    fn square(x: f64, y: f64, side: f64) -> Region {
-        let corner = |dx: f64, dy: f64| Point::from_mm(x + dx, y + dy);
-        let ring = vec![corner(0.0, 0.0), corner(side, 0.0), corner(side, side), corner(0.0, side)];
-        Region { polygons: vec![Polygon { rings: vec![ring] }] }
-    }
-
-    #[test]
-    fn booleans_have_the_areas_they_should() {
-        let (a, b) = (square(0.0, 0.0, 2.0), square(1.0, 1.0, 2.0));
-        let check = |found: Region, area: f64, polygons: usize| {
-            assert!((found.area_mm2() - area).abs() < 1e-6, "{found:?}");
-            assert_eq!(found.polygons.len(), polygons);
-        };
-        check(union(&a, &b), 7.0, 1);
-        check(intersection(&a, &b), 1.0, 1);
-        check(difference(&a, &b), 3.0, 1);
-        check(union(&a, &square(2.0, 2.0, 1.0)), 5.0, 2);
-        check(resolve(a.rings().chain(b.rings()), Inside::NonZero), 7.0, 1);
-        check(resolve(a.rings().chain(b.rings()), Inside::Odd), 6.0, 2);
-    }
-
-    #[test]
-    fn touching_is_not_overlapping() {
-        let a = square(0.0, 0.0, 2.0);
-        let check = |b: Region, expect: bool| {
-            assert_eq!(overlaps(&a.polygons[0], &b.polygons[0]), expect, "{b:?}");
-        };
-        check(square(2.0, 0.0, 1.0), false);
-        check(square(2.0, 2.0, 1.0), false);
-        check(square(1.9999, 1.9999, 1.0), true);
-        check(square(0.5, 0.5, 1.0), true);
-        check(square(-1.0, -1.0, 9.0), true);
-        check(a.clone(), true);
-    }
-
-    #[test]
-    fn offsets_are_discs_and_strips() {
-        let area = |r: &Region| r.area_mm2();
-        let pi = std::f64::consts::PI;
-        assert!((area(&grow(&square(0.0, 0.0, 2.0), 1.0)) - (4.0 + 8.0 + pi)).abs() < 0.02);
-        assert!((area(&grow(&square(0.0, 0.0, 2.0), -0.5)) - 1.0).abs() < 1e-6);
-        let path = vec![Point::from_mm(0.0, 0.0), Point::from_mm(3.0, 0.0)];
-        assert!((area(&stroke(&[path], 0.5)) - (3.0 + pi / 4.0)).abs() < 0.02);
-    }
-
-    const SIDE: usize = 10;
-
-    type Boxes = [([i32; 2], [i32; 2], bool)];
-
-    /// How often boxes wind around each cell of a board.
-    fn board(boxes: &Boxes) -> [i32; SIDE * SIDE] {
-        let mut cells = [0; SIDE * SIDE];
-        for (min, max, turned) in boxes {
-            for y in min[1]..max[1] {
-                for x in min[0]..max[0] {
-                    cells[y as usize * SIDE + x as usize] += if *turned { -1 } else { 1 };
-                }
-            }
-        }
-        cells
-    }
-
-    /// The number of cells, and of pieces of them that hang together by their sides.
-    fn pieces(cells: &[bool; SIDE * SIDE]) -> (usize, usize) {
-        let mut full = *cells;
-        let (count, mut pieces) = (full.iter().filter(|&&f| f).count(), 0);
-        while let Some(start) = full.iter().position(|&f| f) {
-            pieces += 1;
-            let mut stack = vec![start];
-            while let Some(at) = stack.pop() {
-                if std::mem::take(&mut full[at]) {
-                    let (x, y) = (at % SIDE, at / SIDE);
-                    stack.extend((x > 0).then(|| at - 1));
-                    stack.extend((x + 1 < SIDE).then_some(at + 1));
-                    stack.extend((y > 0).then(|| at - SIDE));
-                    stack.extend((y + 1 < SIDE).then_some(at + SIDE));
-                }
-            }
-        }
-        (count, pieces)
-    }
-
-    fn boxes() -> impl Strategy<Value = Vec<([i32; 2], [i32; 2], bool)>> {
-        let one = (0..9_i32, 0..9_i32, 1..6_i32, 1..6_i32, any::<bool>())
-            .prop_map(|(x, y, w, h, turned)| ([x, y], [(x + w).min(10), (y + h).min(10)], turned));
-        prop::collection::vec(one, 1..14)
-    }
-
-    fn rings_of(boxes: &Boxes) -> Vec<Ring> {
-        let ring = |(min, max, turned): &([i32; 2], [i32; 2], bool)| {
-            let mut ring: Ring = [(min[0], min[1]), (max[0], min[1]), (max[0], max[1]), (min[0], max[1])]
-                .map(|(x, y)| Point { x: 100 * x, y: 100 * y })
-                .to_vec();
-            if *turned {
-                ring.reverse();
-            }
-            ring
-        };
-        boxes.iter().map(ring).collect()
-    }
-
-    /// Area and pieces are as they must be, rings simple and turned the right way.
-    fn is_sound(region: &Region, (cells, count): (usize, usize)) -> Result<(), TestCaseError> {
-        prop_assert_eq!(region.rings().map(|r| twice_area(r)).sum::<i128>(), 20_000 * cells as i128);
-        prop_assert_eq!(region.polygons.len(), count, "{:?}", region);
-        for polygon in &region.polygons {
-            for (k, ring) in polygon.rings.iter().enumerate() {
-                prop_assert!((twice_area(ring) > 0) == (k == 0));
-                let mut corners = ring.clone();
-                corners.sort_unstable();
-                corners.dedup();
-                prop_assert_eq!(corners.len(), ring.len(), "a ring that meets itself: {:?}", ring);
-            }
-        }
-        Ok(())
-    }
-
-    fn triangle() -> impl Strategy<Value = Ring> {
-        let point = || (0..9_i32, 0..9_i32).prop_map(|(x, y)| Point { x: 700 * x, y: 700 * y });
-        prop::collection::vec(point(), 3).prop_filter_map("flat", |mut ring| match twice_area(&ring) {
-            0 => None,
-            1.. => Some(ring),
-            _ => {
-                ring.reverse();
-                Some(ring)
-            }
-        })
-    }
-
-    /// Whether no line along a side parts two counter-clockwise triangles: exact, by signs of areas.
-    fn triangles_overlap(a: &Ring, b: &Ring) -> bool {
-        let parts = |a: &Ring, b: &Ring| {
-            (0..3).any(|k| b.iter().all(|&p| twice_area(&[a[k], a[(k + 1) % 3], p]) <= 0))
-        };
-        !parts(a, b) && !parts(b, a)
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
-
-        #[test]
-        fn regions_are_what_they_say(boxes in boxes()) {
-            let rings = rings_of(&boxes);
-            for (inside, rule) in [
-                (Inside::Positive, (|w| w > 0) as fn(i32) -> bool),
-                (Inside::NonZero, |w| w != 0),
-                (Inside::Odd, |w| w & 1 == 1),
-            ] {
-                is_sound(&resolve(&rings, inside), pieces(&board(&boxes).map(rule)))?;
-            }
-        }
-
-        #[test]
-        fn booleans_agree_with_cells(a in boxes(), b in boxes(), c in boxes()) {
-            // What is in `c` is in both, so that whole polygons are the same now and then.
-            let filled = |boxes: &Boxes| board(boxes).map(|w| w != 0);
-            let region = |boxes: &Boxes| resolve(&rings_of(boxes), Inside::NonZero);
-            let (a, b) = ([&a[..], &c].concat(), [&b[..a.len() % b.len()], &c].concat());
-            let (cells_a, cells_b) = (filled(&a), filled(&b));
-            let both = |f: fn(bool, bool) -> bool| pieces(&std::array::from_fn(|k| f(cells_a[k], cells_b[k])));
-            let (a, b) = (region(&a), region(&b));
-            is_sound(&union(&a, &b), both(|a, b| a || b))?;
-            is_sound(&union_all([&a, &b, &a]), both(|a, b| a || b))?;
-            is_sound(&intersection(&a, &b), both(|a, b| a && b))?;
-            is_sound(&difference(&a, &b), both(|a, b| a && !b))?;
-            is_sound(&without(a.rings(), b.rings()), both(|a, b| a && !b))?;
-            is_sound(&within(a.rings(), b.rings()), both(|a, b| a && b))?;
-            for polygon in &a.polygons {
-                let only = Region { polygons: vec![polygon.clone()] };
-                let expect = !intersection(&only, &b).is_empty();
-                prop_assert_eq!(overlaps_any(polygon, &b.polygons), expect);
-            }
-        }
-
-        #[test]
-        fn overlapping_is_exact(a in triangle(), b in triangle()) {
-            let expect = triangles_overlap(&a, &b);
-            let [a, b] = [a, b].map(|ring| Polygon { rings: vec![ring] });
-            prop_assert_eq!(overlaps(&a, &b), expect);
-        }
-    }
-}
+mod tests;

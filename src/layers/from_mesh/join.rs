@@ -141,9 +141,9 @@ mod tests {
     }
 
     #[test]
-    fn a_hundred_thousand_loose_ends_take_no_time() {
-        let chains: Vec<Ring> = (0..100_000).map(|k| chain(&[[k % 7, k], [k % 5, k + 3]])).collect();
+    fn twenty_thousand_loose_ends_take_no_time() {
+        let chains: Vec<Ring> = (0..20_000).map(|k| chain(&[[k % 7, k], [k % 5, k + 3]])).collect();
         let points: usize = join(&chains).rings.iter().map(Vec::len).sum();
-        assert_eq!(points, 200_000);
+        assert_eq!(points, 40_000);
     }
 }

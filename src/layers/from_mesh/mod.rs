@@ -6,22 +6,29 @@
 //! only integers are compared. A vertex that lies on a plane counts as below it, so
 //! that no case is special and every contour closes. Knows no file and no detector.
 //!
+//! Inside is what the contours wind around at least once, counter-clockwise seen from
+//! above counting up: bodies that overlap or lie in each other are one, a shell that is
+//! turned inside out is a hole in a body and nothing in the open. Mending turns wholly
+//! inverted shells round before; what is still inverted is where a surface runs through
+//! itself, and more was taken away there than there was.
+//!
 //! # Layout
 //! - [`heights`]: layer heights and the planes
 //! - [`grid`]: the mesh on the grid
 //! - [`sweep`]: which triangles each plane crosses, batch by batch
 //! - [`walk`]: the contours of one plane
 //! - [`join`]: open contours closed
+//! - [`tangle`]: whether contours can be untangled at all
 use super::nest::Nester;
 use super::polygon::{self, Inside};
-use super::shape::{Region, UNITS_PER_MM};
+use super::shape::UNITS_PER_MM;
 use super::stack::{Layer, Layers};
 use super::tidy::tidy;
 use crate::mesh::Mesh;
 use grid::Corner;
 pub use heights::{LayerHeights, MAX_LAYER_MM, MAX_LAYERS, MIN_LAYER_MM};
+use join::Joined;
 use rayon::prelude::*;
-use std::convert::Infallible;
 use std::sync::Mutex;
 use sweep::{Crossed, Sweep};
 use walk::{Plane, Surface, Visited};
@@ -30,6 +37,7 @@ mod grid;
 mod heights;
 mod join;
 mod sweep;
+mod tangle;
 mod walk;
 
 /// Why a mesh cannot be sliced.
@@ -85,6 +93,19 @@ pub enum SliceError {
     BelowPlate {
         /// Depth, mm.
         mm: f64,
+    },
+    /// Untangling it would take more memory than a machine has.
+    #[error(
+        "layer {layer}, {z_mm} mm above the plate: its contours cross each other about {crossings} times; \
+         so many bodies that overlap cannot be united: do that, or repair it, in the program it comes from"
+    )]
+    Tangled {
+        /// From 0 at the plate.
+        layer: u32,
+        /// Height of the layer's plane, mm.
+        z_mm: f64,
+        /// An estimate.
+        crossings: u64,
     },
     /// The caller made a mesh whose parts do not fit each other.
     #[error(
@@ -185,28 +206,38 @@ impl<'a> FromMesh<'a> {
         self.sliced
     }
 
-    fn cut(&self, number: usize, crossed: &[u32]) -> Cut {
+    fn cut(&self, number: usize, crossed: &[u32]) -> Result<Cut, SliceError> {
         let mut scratch = self.scratch.lock().ok().and_then(|mut s| s.pop()).unwrap_or_default();
         scratch.visited.fit(self.mesh.triangles.len());
         let surface =
             Surface { corners: &self.corners, triangles: &self.mesh.triangles, twins: &self.mesh.twins };
         let plane = Plane { number: number as u32, z: self.planes[number] };
         let contours = surface.cut(plane, crossed, &mut scratch.visited);
-        let joined = join::join(&contours.open);
+        let Joined { rings: joined, open, widest } = join::join(&contours.open);
         let mut rings = contours.closed;
-        rings.extend(joined.rings.iter().cloned());
+        rings.extend(joined);
         rings.retain_mut(|ring| {
             tidy(ring);
             !ring.is_empty()
         });
         let nested = scratch.nester.nest(&rings);
-        let crossing = nested.is_none();
-        let part: Region = nested.unwrap_or_else(|| polygon::resolve(&rings, Inside::Positive));
         if let Ok(mut pool) = self.scratch.lock() {
             pool.push(scratch);
         }
-        let layer = Layer { part, ..self.heights.empty_layer(plane.number) };
-        Cut { layer, open: joined.open, widest: joined.widest, crossing }
+        let layer = self.heights.empty_layer(plane.number);
+        let crossing = nested.is_none();
+        let part = match nested {
+            Some(part) => part,
+            None => match tangle::tangled(&rings) {
+                None => polygon::resolve(&rings, Inside::Positive),
+                Some(crossings) => {
+                    let (layer, z_mm) = (layer.number, layer.plane_mm());
+                    return Err(SliceError::Tangled { layer, z_mm, crossings });
+                }
+            },
+        };
+        let layer = Layer { part, ..layer };
+        Ok(Cut { layer, open, widest, crossing })
     }
 
     fn note(&mut self, cut: Cut) -> Layer {
@@ -222,24 +253,24 @@ impl<'a> FromMesh<'a> {
 }
 
 impl Layers for FromMesh<'_> {
-    type Error = Infallible;
+    type Error = SliceError;
 
     fn count(&self) -> Option<u32> {
         Some(self.planes.len() as u32)
     }
 
-    fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, Infallible> {
+    fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, SliceError> {
+        let ready = self.ready.take().or_else(|| self.sweep.next());
+        let Some(crossed) = ready else { return Ok(None) };
         let mut sweep = std::mem::take(&mut self.sweep);
-        let crossed = self.ready.take().or_else(|| sweep.next());
-        let Some(crossed) = crossed else { return Ok(None) };
         let cut = |n: usize| self.cut(n, crossed.by_plane(n));
         // Finding the next batch's triangles is no work to share, but it need not be waited for.
         let (cuts, ready) = rayon::join(
-            || crossed.planes.clone().into_par_iter().map(cut).collect::<Vec<Cut>>(),
+            || crossed.planes.clone().into_par_iter().map(cut).collect::<Vec<Result<Cut, SliceError>>>(),
             || sweep.next(),
         );
         (self.sweep, self.ready) = (sweep, ready);
-        Ok(Some(cuts.into_iter().map(|cut| self.note(cut)).collect()))
+        cuts.into_iter().map(|cut| Ok(self.note(cut?))).collect::<Result<_, _>>().map(Some)
     }
 }
 
