@@ -4,7 +4,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 target=${1:?usage: fuzz.sh archive|bgcode|gcode_line|job|reply|stl|wire [SECONDS]}
 seconds=${2:-180}
-# Longest input: a few lines, layers, blocks, triangles.
+# Longest input: a few lines, a few layers' beginnings for a job, a small archive or mesh.
 case $target in
 gcode_line) seeds=gcode_line dict=gcode_line max_len=512 ;;
 wire) seeds=gcode_line dict=gcode_line max_len=256 ;;

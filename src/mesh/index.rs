@@ -105,3 +105,36 @@ impl Sink for Index {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corners_at_the_same_place_are_one_vertex() {
+        let next = f32::from_bits(1.0_f32.to_bits() + 1);
+        let mut index = Index::new();
+        index.expect(2);
+        index.triangle([[0.0, -0.0, 0.0], [1.0, 0.0, 0.0], [-0.0, 1.0, 0.0]]);
+        index.triangle([[-0.0, 0.0, -0.0], [next, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        index.triangle([[0.0; 3], [-0.0; 3], [5.0; 3]]);
+        let (vertices, triangles, degenerate) = index.into_parts();
+        assert_eq!(triangles, [[0, 1, 2], [0, 3, 2]]);
+        let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [f64::from(next), 0.0, 0.0], [5.0; 3]];
+        assert_eq!((vertices, degenerate), (places.to_vec(), 1));
+    }
+
+    #[test]
+    fn the_table_grows_and_numbers_come_in_order() {
+        // Nothing is expected, as of a file whose length says nothing.
+        let mut index = Index::new();
+        let place = |k: u32| [k as f32, (k * k % 7) as f32, 1.0 / (k + 1) as f32];
+        for round in 0..2 {
+            for k in (0..30_000).step_by(3) {
+                index.triangle([place(k), place(k + 1), place(k + 2)]);
+                assert_eq!(index.triangles[(round * 10_000 + k / 3) as usize], [k, k + 1, k + 2]);
+            }
+        }
+        assert_eq!(index.vertices.len(), 30_000);
+    }
+}

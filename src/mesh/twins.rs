@@ -109,3 +109,46 @@ pub(super) fn pair(triangles: &[[u32; 3]], vertices: usize) -> Pairing {
     }
     pairing
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::HashMap;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Against a table of all edges.
+        #[test]
+        fn half_edges_are_paired_as_a_table_says(
+            corners in prop::collection::vec([0_u32..9, 0..9, 0..9], 0..60),
+        ) {
+            let differ = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+            let triangles: Vec<[u32; 3]> = corners.into_iter().filter(differ).collect();
+            let mut table: HashMap<[u32; 2], Vec<u32>> = HashMap::new();
+            for h in 0..triangles.len() as u32 * 3 {
+                let mut edge = ends(&triangles, h);
+                edge.sort_unstable();
+                table.entry(edge).or_default().push(h);
+            }
+            let pairing = pair(&triangles, 9);
+            for edge in table.values() {
+                let expect = match edge[..] {
+                    [_] => vec![OPEN],
+                    [h, other] if ends(&triangles, h)[0] != ends(&triangles, other)[0] => vec![other, h],
+                    _ => vec![CROWDED; edge.len()],
+                };
+                let found: Vec<u32> = edge.iter().map(|&h| pairing.twins[h as usize]).collect();
+                prop_assert_eq!(found, expect);
+            }
+            let mut crowds: Vec<Vec<u32>> = pairing.crowds().map(<[u32]>::to_vec).collect();
+            crowds.sort();
+            let mut expect: Vec<Vec<u32>> =
+                table.into_values().filter(|e| pairing.twins[e[0] as usize] == CROWDED).collect();
+            expect.sort();
+            prop_assert_eq!(crowds, expect);
+            prop_assert_eq!(pairing.open, pairing.rim().len() as u64);
+        }
+    }
+}

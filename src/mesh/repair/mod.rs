@@ -30,9 +30,10 @@ use draft::Draft;
 /// of it may have two more.
 const SPLIT_ROUNDS: usize = 4;
 
-/// Most open edges with which a mesh is taken for a body with cracks and holes. A file
-/// of more is a heap of loose triangles; it stays open, and memory stays bounded.
-const RIM_MAX: u64 = 4_000_000;
+/// Most open edges with which a mesh is taken for a body with cracks and holes: to look
+/// for what fits them takes seconds. A file of more is a heap of loose triangles; it
+/// stays open.
+const RIM_MAX: u64 = 2_000_000;
 
 /// Mends triangles whose corners are three different of the vertices, each at a
 /// place of its own.

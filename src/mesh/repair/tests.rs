@@ -205,7 +205,7 @@ fn a_row_of_holes_that_cuts_a_body_in_bands_is_filled() {
     let whole = torus([0.0; 3], [10.0, 3.0], n, m);
     let volume = whole.mesh().volume_mm3();
     let rows = |rows: &[usize]| {
-        let lost = |k: &usize| k % 2 == 0 && rows.contains(&(k / 2 % m));
+        let lost = |k: &usize| k.is_multiple_of(2) && rows.contains(&(k / 2 % m));
         Soup((0..whole.0.len()).filter(|k| !lost(k)).map(|k| whole.0[k]).collect())
     };
     let filled = |count: u64| Mended { filled_holes: count, filling_triangles: count, ..CLEAN };
@@ -213,7 +213,9 @@ fn a_row_of_holes_that_cuts_a_body_in_bands_is_filled() {
     check("two rows", &rows(&[0, 5]), Some(volume), filled(48));
     // Three holes at every vertex between, and the triangles of the first row hang on nothing.
     check("two rows side by side", &rows(&[3, 4]), Some(volume), filled(48));
-    let star = |k: usize| k % 2 == 0 && [3, 4, 5].contains(&(k / 2 % m)) && [3, 4, 5].contains(&(k / 2 / m));
+    let star = |k: usize| {
+        k.is_multiple_of(2) && [3, 4, 5].contains(&(k / 2 % m)) && [3, 4, 5].contains(&(k / 2 / m))
+    };
     let nine = Soup((0..whole.0.len()).filter(|&k| !star(k)).map(|k| whole.0[k]).collect());
     check("nine in a square", &nine, Some(volume), filled(9));
 }
