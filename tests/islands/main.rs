@@ -85,8 +85,13 @@ fn compare(name: &str, bytes: &[u8], height_mm: f64, pixel: f64) -> [usize; 3] {
             assert!(is_thin, "{name}: {island:?}: invented");
             thin += 1;
         } else if !hits.iter().any(end) {
-            println!("{name}: {island:?} ends elsewhere: {hits:?}");
+            eprintln!("{name}: {island:?} ends elsewhere: {hits:?}");
             elsewhere += 1;
+        } else if let [one] = hits.as_slice() {
+            let side = |k: usize| island.bbox_mm[1][k] - island.bbox_mm[0][k];
+            let area = one.pixels as f64 * pixel * pixel;
+            let border = pixel * 4.0 * (side(0) + side(1) + pixel);
+            assert!((area - island.area_mm2).abs() <= border, "{name}: {island:?} {one:?}");
         }
     }
     [ours.len(), thin, elsewhere]
@@ -105,7 +110,7 @@ fn real_meshes_have_the_islands_that_pixels_show() {
     for (name, height_mm, untold) in REAL {
         let bytes = std::fs::read(models.join(name)).expect("a model");
         let [count, thin, elsewhere] = compare(name, &bytes, height_mm * coarser, 0.05);
-        println!("{name}: {count} islands, {thin} too thin for pixels, {elsewhere} end elsewhere");
+        eprintln!("{name}: {count} islands, {thin} too thin for pixels, {elsewhere} end elsewhere");
         assert!(elsewhere as f64 <= untold * count as f64, "{name}: {elsewhere} of {count} islands");
     }
 }

@@ -41,9 +41,14 @@ pub(super) fn held_by(rings: &[Ring], free: &[Edge], sectors: Vec<Sector>, reach
             continue;
         }
         allowed -= size;
-        // The whole piece is looked at once an edge; its parts see what lies around it.
+        // The whole piece is looked at once an edge, then only what lies around the edge.
         let around = within(rings, [&around(sector.source, reach)]);
         let local: Vec<Ring> = around.polygons.into_iter().flat_map(|p| p.rings).collect();
+        if within(&local, [&sector.ring]).polygons.len() == 1 {
+            // All of it hangs together, so nothing lies behind a gap.
+            held.push(sector.ring);
+            continue;
+        }
         let cost = local.iter().map(Vec::len).sum::<usize>();
         for part in sector.parts(reach) {
             allowed = allowed.saturating_sub(cost);

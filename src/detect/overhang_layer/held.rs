@@ -165,12 +165,12 @@ pub(super) struct Sector {
 
 impl Sector {
     /// All within reach of the source, on either side of it, in parts of the source no
-    /// longer than a quarter of the reach: room for the ways to what a part holds, and
+    /// longer than half the reach: room for the ways to what a part holds, and
     /// hardly more.
     pub(super) fn parts(self, reach: f64) -> Vec<Sector> {
         let (a, b) = self.source;
         let along = minus(b, a);
-        let count = (4.0 * along[0].hypot(along[1]) / reach.max(1.0)).ceil().clamp(1.0, MOST_PARTS);
+        let count = (2.0 * along[0].hypot(along[1]) / reach.max(1.0)).ceil().clamp(1.0, MOST_PARTS);
         let stop = |k: u32| [0, 1].map(|c: usize| a[c] + along[c] * f64::from(k) / count);
         (0..count as u32).map(|k| capsule(stop(k), stop(k + 1), reach)).collect()
     }
@@ -179,7 +179,7 @@ impl Sector {
 /// All within reach of an edge.
 fn capsule(a: V, b: V, reach: f64) -> Sector {
     let way = if a == b { [1.0, 0.0] } else { unit(minus(b, a)) };
-    let halves = (PI / CHORD).round();
+    let halves = (PI / (2.0 * CHORD)).round();
     let half = |end: V, from: V| {
         (0..=halves as u32).map(move |k| point(end, turned(from, PI * f64::from(k) / halves), reach))
     };
