@@ -85,3 +85,40 @@ fn candidates(upper: &[Outline<'_>], lower: &[Outline<'_>], mut see: impl FnMut(
         false
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{layer, region, ring};
+    use super::*;
+    use crate::layers::shape::Region;
+
+    #[test]
+    fn all_that_overlap_are_linked() {
+        let below =
+            layer(0, region(&[[0.0, 0.0, 1.0, 1.0], [2.0, 0.0, 3.0, 1.0], [4.0, 0.0, 5.0, 1.0]], &[]));
+        let mut above = layer(1, region(&[[0.5, 0.0, 2.5, 1.0], [5.0, 0.0, 6.0, 1.0]], &[]));
+        above.aid = region(&[[4.5, 0.5, 4.6, 0.6]], &[]);
+        let links = links(&below, &above);
+        assert_eq!(links.len(), 3);
+        let found: Vec<usize> = (0..3).map(|k| links.below(k).len()).collect();
+        let order = if above.part.polygons[0].bounds().min.x < 40_000 { [2, 0, 1] } else { [0, 2, 1] };
+        assert_eq!(found, order);
+    }
+
+    /// A plate with ten thousand holes and a peg in each: all bounds overlap the plate's.
+    #[test]
+    fn many_pegs_in_many_holes_take_no_time() {
+        let square = |k: u32, inset: f64| {
+            let (x, y) = (f64::from(k % 100), f64::from(k / 100));
+            ring(x + inset, y + inset, x + 1.0 - inset, y + 1.0 - inset)
+        };
+        let hole = |k: u32| square(k, 0.1).into_iter().rev().collect();
+        let rings = std::iter::once(ring(-1.0, -1.0, 101.0, 101.0)).chain((0..10_000).map(hole)).collect();
+        let plate = layer(0, Region { polygons: vec![Polygon { rings }] });
+        // Every fourth peg is as wide as its hole, every fourth one wider.
+        let peg = |k: u32| Polygon { rings: vec![square(k, [0.2, 0.1, 0.2, 0.09][k as usize % 4])] };
+        let pegs = layer(1, (0..10_000).map(peg).collect());
+        let links = links(&plate, &pegs);
+        assert!((0..10_000).all(|k| links.below(k).len() == usize::from(k % 4 == 3)));
+    }
+}

@@ -104,12 +104,16 @@ impl<'a> Outline<'a> {
         min.x <= p.x && p.x <= max.x && min.y <= p.y && p.y <= max.y
     }
 
+    fn slabs(&self) -> &Slabs {
+        self.slabs.get_or_init(|| Slabs::new(edges_of(self.polygon)))
+    }
+
     /// Hands every edge that may lie beside the point to `see`, until it says enough.
     fn each_beside(&self, p: Halved, mut see: impl FnMut(Edge) -> bool) {
         if self.edges < INDEXED_FROM {
             edges_of(self.polygon).any(&mut see);
         } else {
-            let slabs = self.slabs.get_or_init(|| Slabs::new(edges_of(self.polygon)));
+            let slabs = self.slabs();
             // What lies beside a point half a step above a whole height reaches down to that
             // height: one slab holds all of it, and each edge once.
             let height = p.y.div_euclid(2);
@@ -213,16 +217,21 @@ struct Pieces {
 impl Pieces {
     fn new(outline: &Outline<'_>, window: Bounds) -> Pieces {
         let mut pieces = Pieces { edges: Vec::new(), goes_on: Vec::new(), contacts: Vec::new() };
-        for edge in edges_of(outline.polygon) {
-            let b = Bounds::of(&[edge.0, edge.1]);
-            let reaches = b.min.x <= window.max.x
-                && window.min.x <= b.max.x
-                && b.min.y <= window.max.y
-                && window.min.y <= b.max.y;
-            if reaches {
-                pieces.goes_on.push(pieces.edges.last().is_some_and(|last| last.1 == edge.0));
-                pieces.edges.push(edge);
+        if outline.edges >= INDEXED_FROM {
+            let slabs = outline.slabs();
+            let near = slabs.near(window.min.y.into(), window.max.y.into());
+            // A small window on a large polygon: its edges are picked out, their order is lost.
+            if near.len() < outline.edges / 4 {
+                pieces.edges.extend(near.iter().filter(|e| reaches(**e, window)));
+                pieces.edges.sort_unstable();
+                pieces.edges.dedup();
+                pieces.goes_on = vec![false; pieces.edges.len()];
+                return pieces;
             }
+        }
+        for edge in edges_of(outline.polygon).filter(|e| reaches(*e, window)) {
+            pieces.goes_on.push(pieces.edges.last().is_some_and(|last| last.1 == edge.0));
+            pieces.edges.push(edge);
         }
         pieces
     }
@@ -296,6 +305,12 @@ fn piece_enters(polygon: &Outline<'_>, edge: Edge, from: Point, to: Point) -> bo
         Place::Border => polygon.runs_along(middle, edge),
         Place::Outside => false,
     }
+}
+
+/// Whether the bounds of an edge meet some others, borders included.
+fn reaches((a, b): Edge, window: Bounds) -> bool {
+    let meet = |a: i32, b: i32, low: i32, high: i32| a.min(b) <= high && low <= a.max(b);
+    meet(a.x, b.x, window.min.x, window.max.x) && meet(a.y, b.y, window.min.y, window.max.y)
 }
 
 /// Whether a point on the line through `a` and `b` lies between them or on one of them.
@@ -391,6 +406,33 @@ mod tests {
                     let only = |p: &Polygon| Region { polygons: vec![p.clone()] };
                     prop_assert_eq!(!intersection(&only(p), &only(q)).is_empty(), exact);
                 }
+            }
+        }
+
+        /// A small polygon against a large one, whose edges are picked out by height.
+        #[test]
+        fn small_windows_change_nothing(
+            teeth in prop::collection::vec((1..9_i32, 1..9_i32), 40..60),
+            x in 0..120_i32, y in 0..10_i32, w in 1..6_i32, h in 1..6_i32,
+        ) {
+            // A comb of teeth of all lengths, its back below.
+            let mut ring: Ring = vec![Point { x: 0, y: -STEP }];
+            ring.push(Point { x: 2 * teeth.len() as i32 * STEP, y: -STEP });
+            for (k, &(up, down)) in teeth.iter().enumerate().rev() {
+                let left = 2 * k as i32;
+                ring.extend([(left + 2, down - 1), (left + 1, 10 - up), (left, 0)].map(|(x, y)| Point {
+                    x: x * STEP,
+                    y: y * STEP,
+                }));
+            }
+            let comb = resolve(&[ring], Inside::NonZero);
+            let corner = |dx: i32, dy: i32| Point { x: (x + dx) * STEP, y: (y + dy) * STEP };
+            let small = Polygon { rings: vec![vec![corner(0, 0), corner(w, 0), corner(w, h), corner(0, h)]] };
+            prop_assert!(coarse(&comb).any(|p| p.len() >= INDEXED_FROM));
+            for polygon in coarse(&comb) {
+                let (o, r) = (Outline::new(polygon), Outline::new(&small));
+                prop_assert_eq!(o.overlaps_by_edges(&r), overlaps(polygon, &small));
+                prop_assert_eq!(r.overlaps_by_edges(&o), overlaps(polygon, &small));
             }
         }
 
