@@ -313,6 +313,10 @@ fn a_likely_unit_is_a_warning() {
     let warning = report["warnings"][0].as_str().expect("a warning");
     assert!(warning.contains("metres") && warning.contains("--height-mm 13"), "{warning}");
     outrigger(folder.path(), ["check", "lamp.stl", "--height-mm", "13"]).ends(0);
+    // Too flat to be sliced, and told why that may be.
+    let refused = outrigger(folder.path(), ["check", "lamp.stl"]);
+    refused.ends(1);
+    assert!(refused.stderr.contains("--height-mm 13"), "{refused:?}");
 }
 
 #[test]

@@ -8,7 +8,8 @@ use std::process::{Command, Stdio};
 /// So fast that the mock's boot takes most of the time.
 const FAST: [&str; 2] = ["--speed", "4000"];
 
-const FILES: [&str; 4] = ["demo-layer.svg", "demo-reordered.gcode", "demo-report.json", "demo.gcode"];
+const FILES: [&str; 5] =
+    ["demo-layer.svg", "demo-layers.html", "demo-reordered.gcode", "demo-report.json", "demo.gcode"];
 
 #[test]
 fn the_demo_ends_well_and_leaves_its_files() {
@@ -23,6 +24,8 @@ fn the_demo_ends_well_and_leaves_its_files() {
     let report: serde_json::Value = serde_json::from_slice(&read("demo-report.json")).unwrap();
     assert!(report["retractions_after"].as_u64() < report["retractions_before"].as_u64(), "{report}");
     assert!(String::from_utf8(read("demo-layer.svg")).unwrap().starts_with("<svg "));
+    assert!(run.stdout.contains("24 layers: no islands, no overhangs"), "{run:?}");
+    assert!(String::from_utf8(read("demo-layers.html")).unwrap().contains("demo-reordered.gcode"));
     // The table of what arrived: three faults, and nothing lost by them.
     let row = |name: &str| {
         let line = run.stdout.lines().find(|l| l.trim_start().starts_with(name));

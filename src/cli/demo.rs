@@ -1,11 +1,11 @@
 //! `outrigger demo`: the whole way of a job, with no hardware.
 //!
-//! A job that is part of the program is post-processed, drawn, and printed on a
-//! mock printer to the end; then the mock is asked what it got. Every step is
+//! A job that is part of the program is post-processed, drawn, checked, and printed
+//! on a mock printer to the end; then the mock is asked what it got. Every step is
 //! what the other verbs do: nothing here knows how.
 mod tell;
 
-use super::{files, mock as mock_verb, picture, post, print, say};
+use super::{check, files, mock as mock_verb, picture, post, print, say};
 use crate::printer::mock::{self, Faults, Stats};
 use crate::profile::{Profile, load_printer};
 use anyhow::{Context, bail};
@@ -49,8 +49,8 @@ const FAULTS_COUNT: u32 = 3;
 /// Show everything with no hardware: post-process a job, print it on a mock printer
 ///
 /// Takes a sample job through all that Outrigger does: reorders its infill,
-/// verifies the result, draws a layer before and after, and prints the result
-/// on a mock printer, a strict Marlin that executes it many times faster than
+/// verifies the result, draws a layer before and after, looks for what would
+/// print in the air, and prints the result on a mock printer, a strict Marlin that executes it many times faster than
 /// life. At the end the mock printer says what it received. It takes about
 /// half a minute; Ctrl-C cancels it as it would cancel a print.
 #[derive(clap::Args, Debug)]
@@ -83,13 +83,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     sample(&paths)?;
     let done = reorder(&paths)?;
     draw(&paths, &done)?;
+    look(&paths)?;
     let profile = load_printer(PROFILE)?;
     let printer = printer(args, &profile)?;
     let stats = stream(&runtime, &paths, &profile, printer, args.speed, stops)?;
     let printed = std::fs::read(&paths.reordered)
         .with_context(|| format!("cannot read {}", paths.reordered.display()))?;
     let arrived = Arrived::new(stats, &printed);
-    heading(6, "What the printer received");
+    heading(7, "What the printer received");
     say(&arrived.table());
     arrived.verdict()?;
     say(&tell::closing(&paths.folder, started.elapsed().as_secs_f64()));
@@ -102,6 +103,7 @@ struct Paths {
     job: PathBuf,
     reordered: PathBuf,
     picture: PathBuf,
+    page: PathBuf,
     report: PathBuf,
 }
 
@@ -123,6 +125,7 @@ impl Paths {
             job: file("demo.gcode"),
             reordered: file("demo-reordered.gcode"),
             picture: file("demo-layer.svg"),
+            page: file("demo-layers.html"),
             report: file("demo-report.json"),
             folder,
         })
@@ -189,9 +192,18 @@ fn draw(paths: &Paths, done: &post::Done) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// `outrigger check --picture`.
+fn look(paths: &Paths) -> anyhow::Result<()> {
+    heading(4, "What would print in the air (outrigger check)");
+    let found = check::with_page(&paths.reordered, &paths.page)?;
+    say(&tell::checked(&found));
+    file("page", &paths.page);
+    Ok(())
+}
+
 /// `outrigger mock` within this process.
 fn printer(args: &Args, profile: &Profile) -> anyhow::Result<mock::Handle> {
-    heading(4, "A mock printer (outrigger mock)");
+    heading(5, "A mock printer (outrigger mock)");
     say(&format!(
         "   A strict Marlin on a pseudo-terminal, {} times faster than life: it checks\n   \
          every line's number and checksum, warms up, and moves as a printer does.",
@@ -227,7 +239,7 @@ fn stream(
     speed: f64,
     stops: (impl Future<Output = ()>, impl Future<Output = ()>),
 ) -> anyhow::Result<Stats> {
-    heading(5, "Print it (outrigger print)");
+    heading(6, "Print it (outrigger print)");
     let printing = print::Printing {
         job: print::Job::open(&paths.reordered, profile)?,
         name: files::file_name(&paths.reordered),

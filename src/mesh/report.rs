@@ -54,27 +54,28 @@ pub struct Mended {
 }
 
 impl Mended {
-    /// What was done: how often, and what; only what was.
+    /// What was done, each kind with its number: "3 small holes filled"; only what was.
     #[must_use]
-    pub fn done(&self) -> Vec<(u64, &'static str)> {
+    pub fn done(&self) -> Vec<String> {
         let all = [
-            (self.degenerate_triangles, "triangles without area left out"),
-            (self.duplicate_triangles, "duplicate triangles left out"),
-            (self.opposite_triangles, "triangles between bodies side by side left out"),
-            (self.welded_vertices, "vertices of rims joined to others"),
-            (self.split_edges, "edges split at vertices on them"),
-            (self.flipped_triangles, "triangles turned to face as their neighbours do"),
-            (self.filled_holes, "small holes filled"),
-            (self.turned_shells, "shells turned that were inside out"),
+            (self.degenerate_triangles, "triangle", "triangles", "without area left out"),
+            (self.duplicate_triangles, "duplicate triangle", "duplicate triangles", "left out"),
+            (self.opposite_triangles, "triangle", "triangles", "between bodies side by side left out"),
+            (self.welded_vertices, "rim vertex", "rim vertices", "joined to others"),
+            (self.split_edges, "edge", "edges", "split where vertices lie on it"),
+            (self.flipped_triangles, "triangle", "triangles", "turned to face as the neighbours do"),
+            (self.filled_holes, "small hole", "small holes", "filled"),
+            (self.turned_shells, "inside-out shell", "inside-out shells", "turned"),
         ];
-        all.into_iter().filter(|a| a.0 > 0).collect()
+        let told = all.into_iter().filter(|a| a.0 > 0);
+        told.map(|(count, one, many, what)| format!("{} {what}", counted(count, one, many))).collect()
     }
 
     /// What could not be mended and may print wrong; only what is there.
     #[must_use]
-    pub fn left(&self) -> Vec<(u64, &'static str)> {
-        let all = [(self.open_edges, "open edges left")];
-        all.into_iter().filter(|a| a.0 > 0).collect()
+    pub fn left(&self) -> Vec<String> {
+        let open = (self.open_edges > 0).then(|| counted(self.open_edges, "open edge", "open edges"));
+        open.map(|edges| format!("{edges} left")).into_iter().collect()
     }
 
     /// Whether the surface has no rim.
@@ -84,64 +85,46 @@ impl Mended {
     }
 }
 
+/// A number with its noun.
+fn counted(count: u64, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
 /// One line: what was done; what is left.
 impl Display for Mended {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        let list = |items: Vec<(u64, &str)>| {
-            items.into_iter().map(|(count, what)| format!("{count} {what}")).collect::<Vec<_>>().join(", ")
-        };
-        match (self.done().is_empty(), self.left().is_empty()) {
+        let (done, left) = (self.done().join(", "), self.left().join(", "));
+        match (done.is_empty(), left.is_empty()) {
             (true, true) => write!(f, "nothing to mend"),
-            (false, true) => write!(f, "mended: {}", list(self.done())),
-            (true, false) => write!(f, "not mended: {}", list(self.left())),
-            (false, false) => write!(f, "mended: {}; not mended: {}", list(self.done()), list(self.left())),
+            (false, true) => write!(f, "mended: {done}"),
+            (true, false) => write!(f, "not mended: {left}"),
+            (false, false) => write!(f, "mended: {done}; not mended: {left}"),
         }
     }
 }
 
 impl Report {
-    /// A table: a line each for the file, what it is made of, what was mended and what is left.
-    #[must_use]
-    pub fn table(&self) -> String {
-        let m = &self.mended;
-        let format = match self.source.format {
-            Format::Binary => "triangles in a binary STL",
-            Format::Ascii => "triangles in an ASCII STL",
-        };
-        let mut rows = vec![(self.source.triangles, format), (m.shells, "shells")];
-        rows.extend(
-            [
-                (m.open_shells, "of them open"),
-                (m.cavities, "of them hollows"),
-                (m.crowded_edges, "edges where surfaces touch"),
-            ]
-            .iter()
-            .filter(|r| r.0 > 0),
-        );
-        rows.extend(m.done());
-        rows.extend(m.left());
-        rows.iter().map(|(count, what)| format!("{count:>10}  {what}\n")).collect()
-    }
-
     /// What people should know before they print: sentences.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.mended.open_edges > 0 {
             warnings.push(format!(
-                "the surface is open: {} edges of {} shells border on no triangle; what is inside may be told wrong there",
-                self.mended.open_edges, self.mended.open_shells
+                "the surface is open: {} of {} without a neighbour; what is inside may be told wrong there",
+                counted(self.mended.open_edges, "edge", "edges"),
+                counted(self.mended.open_shells, "shell", "shells"),
             ));
         }
         if self.source.endsolid_missing {
             warnings.push("the file ends without \"endsolid\": it may be cut short".to_string());
         }
         if self.source.trailing > 0 {
-            let unit = match self.source.format {
-                Format::Binary => "bytes",
-                Format::Ascii => "lines",
+            let [one, many] = match self.source.format {
+                Format::Binary => ["byte", "bytes"],
+                Format::Ascii => ["line", "lines"],
             };
-            warnings.push(format!("{} {unit} after the last triangle were left out", self.source.trailing));
+            let what = counted(self.source.trailing, one, many);
+            warnings.push(format!("after the last triangle {what} were not read"));
         }
         warnings
     }
@@ -156,7 +139,7 @@ mod tests {
         let check = |mended: Mended, expect: &str| assert_eq!(mended.to_string(), expect);
         let done = Mended { welded_vertices: 3, filled_holes: 1, ..Mended::default() };
         check(Mended::default(), "nothing to mend");
-        check(done, "mended: 3 vertices of rims joined to others, 1 small holes filled");
+        check(done, "mended: 3 rim vertices joined to others, 1 small hole filled");
         check(Mended { open_edges: 4, ..Mended::default() }, "not mended: 4 open edges left");
         check(
             Mended { open_edges: 4, filled_holes: 2, ..Mended::default() },
@@ -165,14 +148,12 @@ mod tests {
     }
 
     #[test]
-    fn tables_and_warnings_have_what_there_is() {
+    fn warnings_have_what_there_is() {
         let source = Source { format: Format::Ascii, triangles: 12, trailing: 2, endsolid_missing: true };
         let mended = Mended { shells: 2, open_shells: 1, open_edges: 4, ..Mended::default() };
         let report = Report { source, mended };
-        let expect = "        12  triangles in an ASCII STL\n         2  shells\n         1  of them open\n         4  open edges left\n";
-        assert_eq!(report.table(), expect);
         assert_eq!(report.warnings().len(), 3);
-        assert!(report.warnings()[0].contains("4 edges of 1 shells"));
+        assert!(report.warnings()[0].contains("4 edges of 1 shell "));
         let json = serde_json::to_value(report).expect("JSON");
         assert_eq!(json["source"]["format"], "ascii");
         assert_eq!(json["mended"]["open_edges"], 4);

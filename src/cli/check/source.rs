@@ -140,7 +140,10 @@ fn mesh(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let layer_mm = args.model.layer_height.unwrap_or(LAYER_MM);
     let heights = LayerHeights { layer_mm, first_mm: args.model.first_layer_height.unwrap_or(layer_mm) };
     let prepared = Instant::now();
-    let mut layers = FromMesh::new(&mesh, heights)?;
+    // What cannot be sliced is often in another unit.
+    let doubted =
+        |fault| report.warnings.iter().fold(anyhow::Error::new(fault), |e, w| anyhow::anyhow!("{e}; {w}"));
+    let mut layers = FromMesh::new(&mesh, heights).map_err(doubted)?;
     report.seconds.slice = prepared.elapsed().as_secs_f64();
     let (mut report, eye) = examine(args, &mut layers, &ask(args, rules), report)?;
     if [Overhang::Normal, Overhang::All].contains(&args.overhang) {

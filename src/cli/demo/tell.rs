@@ -4,6 +4,7 @@
 use crate::post::report::Report;
 use crate::printer::mock::Stats;
 use crate::printer::mock::stats::Digest;
+use crate::report::check;
 use anyhow::ensure;
 use std::fmt::Write;
 use std::path::Path;
@@ -121,6 +122,18 @@ pub(super) fn reordered(r: &Report) -> String {
         let _ = writeln!(out, "   {name:<18}{before:>14}{after:>14}{:>10}", change(b, a));
     }
     out
+}
+
+/// What a check found.
+pub(super) fn checked(r: &check::Report) -> String {
+    let regions: u64 = r.overhangs_by_method.values().map(|found| found.regions).sum();
+    let of = |n: u64, what: &str| if n == 0 { format!("no {what}") } else { format!("{n} {what}") };
+    format!(
+        "   {} layers: {}, {}. The page shows them one by one,\n   with a slider, in any web browser.",
+        r.layers,
+        of(r.islands.len() as u64, "islands"),
+        of(regions, "overhangs"),
+    )
 }
 
 /// `-5.1 %`, or nothing where all is the same.
