@@ -23,10 +23,11 @@ fail() {
     exit 1
 }
 
-# What the host must have: a linker and the C library to link with. Installing is left to the user.
+# What the host must have: a linker, the C library to link with, and a C++ compiler (for Clipper). Installing is left to the user.
 need_linker() {
     local missing=()
     command -v aarch64-linux-gnu-gcc >/dev/null || missing+=(gcc-aarch64-linux-gnu)
+    command -v aarch64-linux-gnu-g++ >/dev/null || missing+=(g++-aarch64-linux-gnu)
     [ -e /usr/aarch64-linux-gnu/lib/crt1.o ] || missing+=(libc6-dev-arm64-cross)
     if [ "$1" = run ]; then
         command -v qemu-aarch64-static >/dev/null || missing+=(qemu-user-static)
@@ -100,6 +101,8 @@ esac
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu"
 export CC_aarch64_unknown_linux_gnu=aarch64-linux-gnu-gcc CXX_aarch64_unknown_linux_gnu=aarch64-linux-gnu-g++
+# Products and sums are not fused, so that Clipper's offsets have the same bits as on x86-64.
+export CXXFLAGS_aarch64_unknown_linux_gnu=-ffp-contract=off
 export AR_aarch64_unknown_linux_gnu=aarch64-linux-gnu-ar
 verb=$1
 shift
