@@ -377,23 +377,27 @@ mod tests {
         check(&twice, &["overlap"]);
     }
 
-    #[test]
-    fn too_many_entries_are_refused_by_their_number() {
-        // A zip64 record that announces 2^40 entries of a directory as large.
-        let mut bytes = b"PK\x03\x04".to_vec();
+    /// Ends an archive with a zip64 record: entries here and in all, bytes of the directory
+    /// and where it begins.
+    fn wide_end(bytes: &mut Vec<u8>, figures: [u64; 4]) {
         let at = bytes.len() as u64;
         bytes.extend(b"PK\x06\x06");
         bytes.extend(44_u64.to_le_bytes());
-        bytes.resize(bytes.len() + 12, 0);
-        for figure in [1_u64 << 40, 1 << 40, 1 << 46, 0] {
-            bytes.extend(figure.to_le_bytes());
-        }
+        bytes.extend([0; 12]);
+        bytes.extend(figures.map(u64::to_le_bytes).concat());
         bytes.extend(b"PK\x06\x07\0\0\0\0");
         bytes.extend(at.to_le_bytes());
         bytes.extend([1, 0, 0, 0]);
         bytes.extend(b"PK\x05\x06\0\0\0\0");
         bytes.extend([0xff; 12]);
         bytes.extend([0, 0]);
+    }
+
+    #[test]
+    fn too_many_entries_are_refused_by_their_number() {
+        // A zip64 record that announces 2^40 entries of a directory as large.
+        let mut bytes = b"PK\x03\x04".to_vec();
+        wide_end(&mut bytes, [1 << 40, 1 << 40, 1 << 46, 0]);
         check(&bytes, &["1099511627776 entries", "no resin job"]);
     }
 
@@ -408,19 +412,7 @@ mod tests {
         entry.extend([1, 0, 16, 0]);
         entry.extend([9_u64, 9].map(u64::to_le_bytes).concat());
         bytes.extend(&entry);
-        let at = bytes.len() as u64;
-        bytes.extend(b"PK\x06\x06");
-        bytes.extend(44_u64.to_le_bytes());
-        bytes.resize(bytes.len() + 12, 0);
-        for figure in [1, 1, entry.len() as u64, directory as u64] {
-            bytes.extend(figure.to_le_bytes());
-        }
-        bytes.extend(b"PK\x06\x07\0\0\0\0");
-        bytes.extend(at.to_le_bytes());
-        bytes.extend([1, 0, 0, 0]);
-        bytes.extend(b"PK\x05\x06\0\0\0\0");
-        bytes.extend([0xff; 12]);
-        bytes.extend([0, 0]);
+        wide_end(&mut bytes, [1, 1, entry.len() as u64, directory as u64]);
         assert_eq!(open(&bytes).expect("an archive").read_named("a", 9).expect("read"), [1; 9]);
     }
 
