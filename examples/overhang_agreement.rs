@@ -45,12 +45,17 @@ fn main() -> anyhow::Result<()> {
         println!(
             "{:28} {polygons:10.3} {images:10.3}  {:5.2} %  {:5.2} %  {:5.2} %",
             path.rsplit('/').next().unwrap_or(path),
-            100.0 * (1.0 - (polygons - images).abs() / images),
-            100.0 * (1.0 - apart / images),
-            100.0 * (1.0 - only / either),
+            agreement((polygons - images).abs(), images),
+            agreement(apart, images),
+            agreement(only, either),
         );
     }
     Ok(())
+}
+
+/// Percent of an area that is not off; nothing of nothing agrees.
+fn agreement(off_mm2: f64, of_mm2: f64) -> f64 {
+    if off_mm2 == 0.0 { 100.0 } else { 100.0 * (1.0 - off_mm2 / of_mm2) }
 }
 
 /// Area by polygons, by images, their difference, the area of one alone, and of either.
