@@ -9,7 +9,8 @@
 mod common;
 
 use common::ratio::Ratios;
-use criterion::{Criterion, SamplingMode, Throughput, criterion_group};
+use common::run::run;
+use criterion::{Criterion, SamplingMode, Throughput};
 use outrigger::layers::from_gcode::{Options, read};
 use outrigger::layers::polygon::{Inside, resolve, sweep};
 use outrigger::layers::shape::{Point, Region, Ring, UNITS_PER_MM};
@@ -19,7 +20,6 @@ use outrigger_gcode::state::Machine;
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// 5 MB of job are checked in 2 s on two cores; making the layers may take a quarter of it.
 const TARGET_MB_S: f64 = 10.0;
@@ -124,8 +124,7 @@ fn benches(c: &mut Criterion) {
     group.finish();
 }
 
-fn ratios() {
-    let ratios = Ratios::from_args();
+fn ratios(ratios: &Ratios) {
     let paths = paths();
     let (own, plain) = (swept(&paths).area_mm2(), resolved(&paths).area_mm2());
     assert!((own / plain - 1.0).abs() < 1e-3, "both ways cover the same: {own} {plain} mm²");
@@ -142,17 +141,6 @@ fn ratios() {
     }
 }
 
-criterion_group! {
-    name = beads_benches;
-    config = Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(500))
-        .measurement_time(Duration::from_secs(3));
-    targets = benches
-}
-
 fn main() {
-    beads_benches();
-    Criterion::default().configure_from_args().final_summary();
-    ratios();
+    run(benches, ratios);
 }

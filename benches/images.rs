@@ -11,7 +11,8 @@
 mod common;
 
 use common::ratio::Ratios;
-use criterion::{Criterion, SamplingMode, Throughput, criterion_group};
+use common::run::run;
+use criterion::{Criterion, SamplingMode, Throughput};
 use outrigger::layers::from_images::FromImages;
 use outrigger::layers::stack::Layers;
 use outrigger::resin;
@@ -19,7 +20,6 @@ use png::{BitDepth, ColorType, Encoder};
 use rayon::prelude::*;
 use std::hint::black_box;
 use std::io::{Cursor, Write};
-use std::time::Duration;
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
@@ -136,8 +136,7 @@ fn benches(c: &mut Criterion) {
     }
 }
 
-fn ratios() {
-    let ratios = Ratios::from_args();
+fn ratios(ratios: &Ratios) {
     for bench in Bench::all() {
         eprintln!("{}: {} MPx, {} corners", bench.name, bench.pixels / 1_000_000, bench.contours());
         let contours = || bench.contours();
@@ -145,17 +144,6 @@ fn ratios() {
     }
 }
 
-criterion_group! {
-    name = image_benches;
-    config = Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(500))
-        .measurement_time(Duration::from_secs(3));
-    targets = benches
-}
-
 fn main() {
-    image_benches();
-    Criterion::default().configure_from_args().final_summary();
-    ratios();
+    run(benches, ratios);
 }

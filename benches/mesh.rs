@@ -7,12 +7,12 @@
 mod common;
 
 use common::ratio::Ratios;
-use criterion::{Criterion, SamplingMode, Throughput, criterion_group};
+use common::run::run;
+use criterion::{Criterion, SamplingMode, Throughput};
 use outrigger::mesh::read;
 use std::f32::consts::TAU;
 use std::hint::black_box;
 use std::io::Cursor;
-use std::time::Duration;
 
 /// Rings of the torus, and quadrilaterals in each.
 const RINGS: usize = 700;
@@ -120,8 +120,7 @@ fn benches(c: &mut Criterion) {
     group.finish();
 }
 
-fn ratios() {
-    let ratios = Ratios::from_args();
+fn ratios(ratios: &Ratios) {
     eprintln!("\nreading, indexing, neighbours and mends against stl_io's reading and indexing:");
     for (name, file) in files() {
         let timed =
@@ -136,17 +135,6 @@ fn ratios() {
     }
 }
 
-criterion_group! {
-    name = mesh_benches;
-    config = Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(500))
-        .measurement_time(Duration::from_secs(3));
-    targets = benches
-}
-
 fn main() {
-    mesh_benches();
-    Criterion::default().configure_from_args().final_summary();
-    ratios();
+    run(benches, ratios);
 }

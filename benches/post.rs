@@ -11,7 +11,8 @@ mod common;
 
 use common::long_job::LongJob;
 use common::ratio::Ratios;
-use criterion::{BatchSize, Criterion, SamplingMode, Throughput, criterion_group};
+use common::run::run;
+use criterion::{BatchSize, Criterion, SamplingMode, Throughput};
 use outrigger::post::annotate::Layers;
 use outrigger::post::habits::FileHabits;
 use outrigger::post::layer::{Layer, What};
@@ -32,7 +33,6 @@ use outrigger_gcode::state::{Kind, Machine};
 use std::hint::black_box;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// Size of the job, bytes: a long print's, and more than a core's own caches hold.
 const JOB_BYTES: usize = 24_000_000;
@@ -245,8 +245,7 @@ fn benches(c: &mut Criterion) {
     }
 }
 
-fn ratios() {
-    let ratios = Ratios::from_args();
+fn ratios(ratios: &Ratios) {
     for bench in Bench::all() {
         let (job, size) = (&bench.job, bench.job.len());
         let report = bench.whole();
@@ -273,7 +272,7 @@ fn ratios() {
         ratios.compare(size, ("write", || write(&bench.rewritten, &mut out)), ("copy (memcpy)", copying));
         let whole = ratios.compare(size, ("post", || bench.whole()), ("parse+apply twice", reading));
         ratios.target("post", whole.mb_s(size), TARGET_MB_S);
-        orders(&ratios, &bench);
+        orders(ratios, &bench);
     }
 }
 
@@ -302,17 +301,6 @@ fn orders(ratios: &Ratios, bench: &Bench) {
     }
 }
 
-criterion_group! {
-    name = post_benches;
-    config = Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(500))
-        .measurement_time(Duration::from_secs(3));
-    targets = benches
-}
-
 fn main() {
-    post_benches();
-    Criterion::default().configure_from_args().final_summary();
-    ratios();
+    run(benches, ratios);
 }

@@ -11,7 +11,8 @@ mod common;
 mod meshes;
 
 use common::ratio::Ratios;
-use criterion::{Criterion, SamplingMode, Throughput, criterion_group};
+use common::run::run;
+use criterion::{Criterion, SamplingMode, Throughput};
 use outrigger::layers::from_mesh::{FromMesh, LayerHeights};
 use outrigger::layers::nest::Nester;
 use outrigger::layers::polygon::{self, Inside};
@@ -19,7 +20,6 @@ use outrigger::layers::shape::{Region, Ring};
 use outrigger::layers::stack::Layers;
 use outrigger::mesh::Mesh;
 use std::hint::black_box;
-use std::time::Duration;
 
 /// Half of the made mesh's triangles are this squared.
 const FINENESS: u32 = 300;
@@ -69,8 +69,7 @@ fn benches(c: &mut Criterion) {
     group.finish();
 }
 
-fn ratios() {
-    let ratios = Ratios::from_args();
+fn ratios(ratios: &Ratios) {
     let mesh = mesh();
     let bytes = |regions: &[Region]| 8 * regions.iter().map(Region::len).sum::<usize>();
     let fine = slice(&mesh, LAYER_MM);
@@ -119,17 +118,6 @@ fn ratios() {
     );
 }
 
-criterion_group! {
-    name = slice_benches;
-    config = Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(500))
-        .measurement_time(Duration::from_secs(3));
-    targets = benches
-}
-
 fn main() {
-    slice_benches();
-    Criterion::default().configure_from_args().final_summary();
-    ratios();
+    run(benches, ratios);
 }

@@ -1,8 +1,6 @@
 //! What streaming costs, and whether it keeps the planner fed.
 //!
-//! ```text
-//! cargo build --release && cargo run --release --example stream_figures
-//! ```
+//! `cargo build --release && cargo run --release --example stream_figures`
 //!
 //! Runs `outrigger mock` and `outrigger print` from the same build as two
 //! processes over a pseudo-terminal and prints:
@@ -11,7 +9,8 @@
 //! - the share of time in which the planner was empty at 250,000 baud and
 //!   500 moves/s (less than 3 % is wanted), and at 115,200 baud and 250 moves/s.
 //!
-//! Linux only: CPU times come from /proc/self/stat.
+//! Linux only: CPU times come from /proc/self/stat. Exit status 1 when a process fails;
+//! the figures are for the reader to judge.
 use std::error::Error;
 use std::fmt::Write as _;
 use std::fs;

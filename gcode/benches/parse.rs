@@ -9,7 +9,8 @@ mod common;
 
 use common::long_job::LongJob;
 use common::ratio::Ratios;
-use criterion::{Criterion, SamplingMode, Throughput, criterion_group};
+use common::run::run;
+use criterion::{Criterion, SamplingMode, Throughput};
 use nom::{
     IResult, Parser,
     bytes::complete::take_while,
@@ -23,7 +24,6 @@ use outrigger_gcode::line::{parse, split_lines, write};
 use outrigger_gcode::state::{Effect, Machine};
 use std::hint::black_box;
 use std::path::Path;
-use std::time::Duration;
 
 /// Size of the job, bytes: a long print's, and more than a core's own caches hold.
 const JOB_BYTES: usize = 24_000_000;
@@ -106,8 +106,7 @@ fn benches(c: &mut Criterion) {
     }
 }
 
-fn ratios() {
-    let ratios = Ratios::from_args();
+fn ratios(ratios: &Ratios) {
     for (name, file) in SAMPLES {
         let job = job(file);
         let mut out = Vec::with_capacity(job.len());
@@ -136,17 +135,6 @@ fn ratios() {
     }
 }
 
-criterion_group! {
-    name = parse_benches;
-    config = Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(500))
-        .measurement_time(Duration::from_secs(2));
-    targets = benches
-}
-
 fn main() {
-    parse_benches();
-    Criterion::default().configure_from_args().final_summary();
-    ratios();
+    run(benches, ratios);
 }

@@ -6,6 +6,7 @@
 //! # Layout
 //! - [`shape`]: points on a grid, polygons with holes, their measures
 //! - [`tidy`]: rings rid of points that say nothing
+//! - `tangle`: whether edges cross so often that a boolean would not end
 //! - [`outline`]: what a round nozzle sweeps
 //! - [`polygon`]: booleans, predicates and offsets; alone names the polygon libraries
 //! - [`nest`]: rings that do not meet become polygons without a boolean
@@ -19,4 +20,5 @@ pub mod outline;
 pub mod polygon;
 pub mod shape;
 pub mod stack;
+mod tangle;
 mod tidy;

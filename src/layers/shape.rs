@@ -22,6 +22,11 @@ pub struct Point {
 /// A closed curve; the last point joins the first.
 pub type Ring = Vec<Point>;
 
+/// A ring's edges, the one from its last point to its first included.
+pub(crate) fn ring_edges(ring: &[Point]) -> impl Iterator<Item = [Point; 2]> + Clone {
+    ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| [*a, *b])
+}
+
 /// A connected piece: one outer ring, counter-clockwise, and its holes, clockwise.
 ///
 /// Rings are simple. Two rings of a polygon may touch in points, never along an edge.

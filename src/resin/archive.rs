@@ -1,14 +1,16 @@
 //! A zip archive, its entries read within bounds.
 //!
 //! Takes a reader of the whole file, gives its entries' names and, one at a time,
-//! their bytes. The directory's figures are believed only as far as they bound what
-//! is read: an entry that holds more than it announces ends in an error as soon as
-//! it does. Names are compared, never used as paths. Knows no format of resin jobs.
-use super::directory::{self, DirectoryError, Entry};
-use flate2::Crc;
-use flate2::read::DeflateDecoder;
-use rustc_hash::FxHashMap;
+//! their bytes. Alone names the zip crate, which reads the directory once
+//! [`bounds`] has held its figures against the file, and unpacks. An entry that holds
+//! more than it announces ends in an error as soon as it does. Names are compared,
+//! never used as paths. Knows no format of resin jobs.
+use super::bounds::{self, DirectoryError};
+use std::collections::HashMap;
 use std::io::{Read, Seek, SeekFrom};
+use zip::read::{ArchiveOffset, Config};
+use zip::result::ZipError;
+use zip::{CompressionMethod, ZipArchive, ZipReadOptions};
 
 /// Most bytes of one entry, unpacked. A picture of 16,384 × 16,384 px that a slicer
 /// wrote is far below; only noise is above.
@@ -28,11 +30,11 @@ pub enum ArchiveError {
     /// Its directory is damaged, or not one of a resin job.
     #[error(transparent)]
     Directory(#[from] DirectoryError),
-    /// Two entries of the same name: which one counts is anyone's guess.
-    #[error("the archive holds two entries named {name:?}; export the job again")]
-    Twice {
-        /// Their name.
-        name: String,
+    /// Its directory is whole, but what it says of an entry is not.
+    #[error("the archive's directory is damaged: {why}; export or copy the file again")]
+    Listing {
+        /// What is wrong with it.
+        why: String,
     },
     /// Two entries share bytes of the file.
     #[error(
@@ -60,17 +62,15 @@ pub enum ArchiveError {
         /// Bytes that are allowed.
         limit: u64,
     },
-    /// An entry is not as long as announced.
-    #[error(
-        "{name:?} announces {size} bytes and holds {holds}: damaged, or a zip bomb; export the job again"
-    )]
+    /// An entry is shorter than announced.
+    #[error("{name:?} announces {size} bytes and holds {holds}: it is damaged; export the job again")]
     WrongSize {
         /// Its name.
         name: String,
         /// Bytes that it announces.
         size: u64,
-        /// "more" or the bytes found.
-        holds: String,
+        /// Bytes found.
+        holds: u64,
     },
     /// An entry cannot be unpacked.
     #[error("{name:?} cannot be unpacked: {why}; export or copy the file again")]
@@ -88,10 +88,25 @@ pub enum ArchiveError {
 /// An open archive.
 #[derive(Debug)]
 pub struct Archive<R> {
-    reader: R,
+    zip: ZipArchive<R>,
     entries: Vec<Entry>,
-    by_name: FxHashMap<Box<str>, usize>,
+    by_name: HashMap<Box<str>, usize>,
 }
+
+/// What the directory says of an entry.
+#[derive(Debug)]
+struct Entry {
+    name: Box<str>,
+    /// Bytes unpacked.
+    size: u64,
+    /// Where its local header begins in the file.
+    start: u64,
+    /// The first byte behind its content, if its local header were as short as can be.
+    least_end: u64,
+}
+
+/// Bytes of the header before an entry's content, without name and extra fields.
+const LOCAL_BYTES: u64 = 30;
 
 /// Whether a file that begins so is a zip archive, as all resin archives are.
 #[must_use]
@@ -101,7 +116,7 @@ pub fn is_zip(begins: &[u8]) -> bool {
 }
 
 impl<R: Read + Seek> Archive<R> {
-    /// Reads the directory, within the bounds of [`directory`].
+    /// Reads the directory, within the bounds of [`bounds`].
     ///
     /// # Errors
     /// The file is no zip archive, its directory is damaged or too large, two entries
@@ -113,20 +128,34 @@ impl<R: Read + Seek> Archive<R> {
         if !is_zip(&begins) {
             return Err(ArchiveError::NotZip { begins });
         }
-        let entries = directory::read(&mut reader)?;
-        let mut by_name = FxHashMap::default();
+        let span = bounds::check(&mut reader)?;
+        // As announced: the crate is not to look for another directory elsewhere.
+        let config = Config { archive_offset: ArchiveOffset::Known(0) };
+        let zip = ZipArchive::with_config(config, reader).map_err(listing)?;
+        let entries = (0..zip.len()).map(|i| entry(&zip, i)).collect::<Result<Vec<Entry>, _>>()?;
+        if entries.len() as u64 != span.entries {
+            return Err(ArchiveError::Listing {
+                why: "two entries have one name by their extra fields".into(),
+            });
+        }
+        if let Some(e) = entries.iter().find(|e| e.start >= span.at || e.least_end > span.at) {
+            let why = format!("{:?} lies outside the file", e.name);
+            return Err(ArchiveError::Listing { why });
+        }
+        let mut by_name = HashMap::with_capacity(entries.len());
         for (index, entry) in entries.iter().enumerate() {
+            // Not the same bytes, but the same once what is not UTF-8 is replaced.
             if by_name.insert(entry.name.clone(), index).is_some() {
-                return Err(ArchiveError::Twice { name: entry.name.to_string() });
+                return Err(DirectoryError::Twice { name: entry.name.to_string() }.into());
             }
         }
         let mut order: Vec<&Entry> = entries.iter().collect();
-        order.sort_unstable_by_key(|e| e.offset);
-        if let Some(w) = order.windows(2).find(|w| w[0].least_end() > w[1].offset) {
+        order.sort_unstable_by_key(|e| e.start);
+        if let Some(w) = order.windows(2).find(|w| w[0].least_end > w[1].start) {
             let [one, other] = [w[0].name.to_string(), w[1].name.to_string()];
             return Err(ArchiveError::Overlap { one, other });
         }
-        Ok(Archive { reader, entries, by_name })
+        Ok(Archive { zip, entries, by_name })
     }
 
     /// Names of all entries, in the order of the directory. What is not UTF-8 is replaced.
@@ -158,32 +187,38 @@ impl<R: Read + Seek> Archive<R> {
     /// It announces more than the limit, holds more or less than it announces, its
     /// checksum is wrong, or it is packed or encrypted in a way that is not read.
     pub fn read(&mut self, index: usize, limit: u64) -> Result<Vec<u8>, ArchiveError> {
-        let Some(entry) = self.entries.get(index) else {
+        let Some(Entry { name, size, .. }) = self.entries.get(index) else {
             return Err(ArchiveError::Missing { name: format!("entry {index}") });
         };
-        let name = || entry.name.to_string();
-        if entry.size > limit {
-            return Err(ArchiveError::TooLarge { name: name(), size: entry.size, limit });
+        let (name, size) = (|| name.to_string(), *size);
+        if size > limit {
+            return Err(ArchiveError::TooLarge { name: name(), size, limit });
         }
-        entry.find_content(&mut self.reader).map_err(|why| ArchiveError::Entry { name: name(), why })?;
-        let packed = self.reader.by_ref().take(entry.packed);
+        let refused = |e: ZipError| match e {
+            ZipError::Io(e) => ArchiveError::Io(e),
+            e => ArchiveError::Entry { name: name(), why: e.to_string() },
+        };
+        let listed = self.zip.by_index_data(index).map_err(refused)?;
+        if listed.encrypted() {
+            return Err(ArchiveError::Entry { name: name(), why: "it is encrypted".to_owned() });
+        }
+        let method = listed.compression();
+        if ![CompressionMethod::Stored, CompressionMethod::Deflated].contains(&method) {
+            let why = format!("it is packed with {method}, only deflate is read");
+            return Err(ArchiveError::Entry { name: name(), why });
+        }
+        // Its local header must agree with the directory.
+        let options = ZipReadOptions::new().enforce_header_consistency(true);
+        let content = self.zip.by_index_with_options(index, options).map_err(refused)?;
         // What the entry announces is not trusted with more than a first megabyte.
-        let mut bytes = Vec::with_capacity(entry.size.min(1 << 20) as usize);
-        let at_most = entry.size.saturating_add(1);
-        match entry.method {
-            Entry::STORED => packed.take(at_most).read_to_end(&mut bytes),
-            _ => DeflateDecoder::new(packed).take(at_most).read_to_end(&mut bytes),
-        }
-        .map_err(|e| ArchiveError::Entry { name: name(), why: e.to_string() })?;
-        if bytes.len() as u64 != entry.size {
-            let more = bytes.len() as u64 > entry.size;
-            let holds = if more { "more".to_owned() } else { bytes.len().to_string() };
-            return Err(ArchiveError::WrongSize { name: name(), size: entry.size, holds });
-        }
-        let mut crc = Crc::new();
-        crc.update(&bytes);
-        if crc.sum() != entry.crc {
-            return Err(ArchiveError::Entry { name: name(), why: "its checksum is wrong".to_owned() });
+        let mut bytes = Vec::with_capacity(size.min(1 << 20) as usize);
+        // The crate ends in an error at the first byte too many, and at a wrong checksum.
+        content
+            .take(size.saturating_add(1))
+            .read_to_end(&mut bytes)
+            .map_err(|e| ArchiveError::Entry { name: name(), why: e.to_string() })?;
+        if bytes.len() as u64 != size {
+            return Err(ArchiveError::WrongSize { name: name(), size, holds: bytes.len() as u64 });
         }
         Ok(bytes)
     }
@@ -195,6 +230,25 @@ impl<R: Read + Seek> Archive<R> {
     pub fn read_named(&mut self, name: &str, limit: u64) -> Result<Vec<u8>, ArchiveError> {
         let index = self.find(name).ok_or_else(|| ArchiveError::Missing { name: name.to_owned() })?;
         self.read(index, limit)
+    }
+}
+
+/// One entry of the directory.
+fn entry<R: Read + Seek>(zip: &ZipArchive<R>, index: usize) -> Result<Entry, ArchiveError> {
+    let entry = zip.by_index_data(index).map_err(listing)?;
+    let start = entry.header_start();
+    Ok(Entry {
+        name: String::from_utf8_lossy(entry.name_raw()).into(),
+        size: entry.size(),
+        start,
+        least_end: start.saturating_add(LOCAL_BYTES).saturating_add(entry.compressed_size()),
+    })
+}
+
+fn listing(error: ZipError) -> ArchiveError {
+    match error {
+        ZipError::Io(e) => ArchiveError::Io(e),
+        e => ArchiveError::Listing { why: e.to_string() },
     }
 }
 
@@ -276,11 +330,13 @@ mod tests {
         let directory = last(&lying, b"PK\x01\x02");
         lying[directory + 24..directory + 28].copy_from_slice(&10_u32.to_le_bytes());
         lying[22..26].copy_from_slice(&10_u32.to_le_bytes());
-        check(&lying, &["\"bomb.png\" announces 10 bytes and holds more"]);
+        check(&lying, &["\"bomb.png\"", "larger than its declared uncompressed size"]);
         // And one that announces more than it holds.
         let mut short = archive(&[("a", [1; 20])]);
         let directory = last(&short, b"PK\x01\x02");
         short[directory + 24..directory + 28].copy_from_slice(&999_u32.to_le_bytes());
+        check(&short, &["\"a\"", "size mismatch"]);
+        short[22..26].copy_from_slice(&999_u32.to_le_bytes());
         check(&short, &["announces 999 bytes and holds 20"]);
     }
 
@@ -294,18 +350,21 @@ mod tests {
             bad[at..at + bytes.len()].copy_from_slice(bytes);
             bad
         };
-        check(&changed(end + 10, &[1, 0]), &["more entries than announced"]);
-        check(&changed(end + 10, &[3, 0]), &["damaged at byte"]);
+        check(&changed(end + 8, &[1, 0, 1, 0]), &["damaged at byte", "more entries than announced"]);
+        check(&changed(end + 10, &[1, 0]), &["archive of several"]);
+        check(&changed(end + 8, &[3, 0, 3, 0]), &["damaged at byte"]);
         check(&changed(end + 12, &[255, 255, 255, 0]), &["outside the file"]);
         check(&changed(end + 12, &[255, 255, 255, 15]), &["no resin job"]);
-        check(&changed(end + 16, &[0, 1, 0, 0]), &["no entry where one is announced"]);
+        check(&changed(end + 16, &[0, 1, 0, 0]), &["the directory ends before it"]);
+        check(&changed(first, b"Q"), &["no entry where one is announced"]);
         check(&changed(end + 4, &[1]), &["archive of several"]);
         check(&changed(first + 8, &[1]), &["\"a.txt\"", "encrypted"]);
-        check(&changed(first + 10, &[12]), &["\"a.txt\"", "method 12"]);
-        check(&changed(first + 16, &[0; 4]), &["\"a.txt\"", "checksum"]);
+        check(&changed(first + 10, &[12]), &["\"a.txt\"", "packed with Bzip2, only deflate"]);
+        check(&changed(first + 16, &[0; 4]), &["\"a.txt\"", "CRC32"]);
+        check(&changed(30 + 5, b"H"), &["\"a.txt\"", "checksum"]);
         check(&changed(first + 20, &[255; 3]), &["outside the file"]);
-        check(&changed(first + 42, &[1]), &["\"a.txt\"", "no header at byte 1"]);
-        check(&changed(first + 46, b"b"), &["\"b.txt\"", "another name"]);
+        check(&changed(first + 42, &[1]), &["\"a.txt\"", "local file header"]);
+        check(&changed(first + 46, b"b"), &["\"b.txt\"", "filename mismatch"]);
         let twice = [("a", [1; 9]), ("b", [1; 9])];
         let mut twice = stored(&twice);
         let (directory, local) = (last(&twice, b"PK\x01\x02"), last(&twice, b"PK\x03\x04"));
@@ -318,22 +377,27 @@ mod tests {
         check(&twice, &["overlap"]);
     }
 
-    #[test]
-    fn too_many_entries_are_refused_by_their_number() {
-        // A zip64 record that announces 2^40 entries of a directory as large.
-        let mut bytes = b"PK\x03\x04".to_vec();
+    /// Ends an archive with a zip64 record: entries here and in all, bytes of the directory
+    /// and where it begins.
+    fn wide_end(bytes: &mut Vec<u8>, figures: [u64; 4]) {
         let at = bytes.len() as u64;
         bytes.extend(b"PK\x06\x06");
-        bytes.resize(bytes.len() + 20, 0);
-        for figure in [1_u64 << 40, 1 << 40, 1 << 46, 0] {
-            bytes.extend(figure.to_le_bytes());
-        }
+        bytes.extend(44_u64.to_le_bytes());
+        bytes.extend([0; 12]);
+        bytes.extend(figures.map(u64::to_le_bytes).concat());
         bytes.extend(b"PK\x06\x07\0\0\0\0");
         bytes.extend(at.to_le_bytes());
         bytes.extend([1, 0, 0, 0]);
         bytes.extend(b"PK\x05\x06\0\0\0\0");
         bytes.extend([0xff; 12]);
         bytes.extend([0, 0]);
+    }
+
+    #[test]
+    fn too_many_entries_are_refused_by_their_number() {
+        // A zip64 record that announces 2^40 entries of a directory as large.
+        let mut bytes = b"PK\x03\x04".to_vec();
+        wide_end(&mut bytes, [1 << 40, 1 << 40, 1 << 46, 0]);
         check(&bytes, &["1099511627776 entries", "no resin job"]);
     }
 
@@ -348,18 +412,24 @@ mod tests {
         entry.extend([1, 0, 16, 0]);
         entry.extend([9_u64, 9].map(u64::to_le_bytes).concat());
         bytes.extend(&entry);
-        let at = bytes.len() as u64;
-        bytes.extend(b"PK\x06\x06");
-        bytes.resize(bytes.len() + 20, 0);
-        for figure in [1, 1, entry.len() as u64, directory as u64] {
-            bytes.extend(figure.to_le_bytes());
-        }
-        bytes.extend(b"PK\x06\x07\0\0\0\0");
-        bytes.extend(at.to_le_bytes());
-        bytes.extend([1, 0, 0, 0]);
-        bytes.extend(b"PK\x05\x06\0\0\0\0");
-        bytes.extend([0xff; 12]);
-        bytes.extend([0, 0]);
+        wide_end(&mut bytes, [1, 1, entry.len() as u64, directory as u64]);
         assert_eq!(open(&bytes).expect("an archive").read_named("a", 9).expect("read"), [1; 9]);
+    }
+
+    #[test]
+    fn the_crate_is_not_led_to_another_directory() {
+        // A whole archive stands in the comment of another: the last record counts, or none.
+        let good = stored(&two());
+        let mut outer = good.clone();
+        let at = outer.len() - 2;
+        outer[at..].copy_from_slice(&(good.len() as u16).to_le_bytes());
+        outer.extend(&good);
+        check(&outer, &["the directory ends before it"]);
+        // Nor to the first of two, where the second announces too much.
+        let mut both = good.clone();
+        both.extend(&good);
+        let end = both.len() - 22;
+        both[end + 8..end + 12].fill(0xee);
+        check(&both, &["damaged"]);
     }
 }

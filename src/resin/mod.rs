@@ -5,11 +5,11 @@
 //!
 //! # Layout
 //! - [`job`]: a job as types, and why one cannot be read
-//! - [`archive`], [`directory`]: a zip within bounds
+//! - [`archive`]: a zip within bounds, alone names the zip crate; [`bounds`]: what is opened at all
 //! - [`image`]: a picture's rows; alone names the PNG crate here
 //! - `sl1`, `nanodlp`: the formats, one a file
 pub mod archive;
-pub mod directory;
+pub mod bounds;
 pub mod image;
 pub mod job;
 mod nanodlp;

@@ -243,8 +243,7 @@ fn layers(
 mod tests {
     use super::*;
     use crate::resin;
-    use crate::resin::testing::{archive, grey, picture};
-    use png::{BitDepth, ColorType};
+    use crate::resin::testing::{BitDepth, ColorType, archive, grey, picture};
     use std::io::Cursor;
 
     type Entries = Vec<(&'static str, Vec<u8>)>;

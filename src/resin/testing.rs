@@ -1,5 +1,6 @@
 //! Archives and pictures made for tests, here and in the rooms that read jobs.
-use png::{BitDepth, ColorType, Encoder};
+use png::Encoder;
+pub(crate) use png::{BitDepth, ColorType};
 use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};

@@ -12,16 +12,15 @@
 //! # Layout
 //! Data flow in this order: `trace` (lines → paths) · `guess` (what the beginning
 //! tells) · `levels` (heights → layers, and which sheets fill them) · `reach`
-//! (supports bear across a gap) · `bead` (flow and height → width) · `tangle`
-//! (refuses lines that cross everywhere) · `region` (the paths of a layer →
-//! polygons; fills what holds sparse infill) · `locate` (what a point lies in)
+//! (supports bear across a gap) · `bead` (flow and height → width) · `region`
+//! (the paths of a layer → polygons; fills what holds sparse infill) · `locate` (what a
+//! point lies in)
 mod bead;
 mod guess;
 mod levels;
 mod locate;
 mod reach;
 mod region;
-mod tangle;
 mod trace;
 
 #[cfg(test)]

@@ -8,10 +8,10 @@
 //! [`HOLE_MM2`], between the ends of beads, are none.
 use super::locate::{Face, Hole, Locator};
 use super::reach::along;
-use super::tangle::tangled;
 use super::trace::{Class, Path, Trace};
 use crate::layers::polygon::{Inside, resolve, sweep, union};
 use crate::layers::shape::{Point, Polygon, Region, UNITS_PER_MM, twice_area};
+use crate::layers::tangle::tangled;
 use rustc_hash::FxHashSet;
 
 /// How much wider than it is a bead is swept, on each side, mm.
@@ -24,6 +24,11 @@ pub(super) fn spread_mm(told: bool, bridge: bool) -> f64 {
     let gap = if told { 0.02 } else { 0.03 };
     if bridge { gap + 0.03 } else { gap }
 }
+
+/// Crossings of a layer's beads that are no trouble: some seconds' work. Supports of
+/// crossed lines 2.5 mm apart on a plate of 500 mm cross 40,000 times; infill inside of
+/// walls is not swept at all.
+const FREE_CROSSINGS: u64 = 60_000;
 
 /// Round ends and corners of beads differ from true ones by at most this, mm.
 pub(super) const TOLERANCE_MM: f64 = 0.02;
@@ -73,7 +78,8 @@ fn swept<'a>(trace: &Trace, paths: impl Iterator<Item = &'a Path>) -> Option<Reg
             _ => chains.push((points.to_vec(), radius_mm)),
         }
     }
-    if tangled(chains.iter().map(|(chain, _)| chain.as_slice())) {
+    let edges = chains.iter().flat_map(|(chain, _)| chain.windows(2).map(|e| [e[0], e[1]]));
+    if tangled(edges, FREE_CROSSINGS).is_some() {
         return None;
     }
     Some(sweep(chains.iter().map(|(chain, radius)| (chain.as_slice(), *radius)), TOLERANCE_MM))

@@ -18,11 +18,11 @@
 //! - [`sweep`]: which triangles each plane crosses, batch by batch
 //! - [`walk`]: the contours of one plane
 //! - [`join`]: open contours closed
-//! - [`tangle`]: whether contours can be untangled at all
 use super::nest::Nester;
 use super::polygon::{self, Inside};
-use super::shape::UNITS_PER_MM;
+use super::shape::{UNITS_PER_MM, ring_edges};
 use super::stack::{Layer, Layers};
+use super::tangle::tangled;
 use super::tidy::tidy;
 use crate::mesh::Mesh;
 use grid::Corner;
@@ -37,8 +37,10 @@ mod grid;
 mod heights;
 mod join;
 mod sweep;
-mod tangle;
 mod walk;
+
+/// Crossings of contours that are no trouble: about 100 MB while a thread untangles them.
+const FREE_CROSSINGS: u64 = 1 << 18;
 
 /// Why a mesh cannot be sliced.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -228,7 +230,7 @@ impl<'a> FromMesh<'a> {
         let crossing = nested.is_none();
         let part = match nested {
             Some(part) => part,
-            None => match tangle::tangled(&rings) {
+            None => match tangled(rings.iter().flat_map(|ring| ring_edges(ring)), FREE_CROSSINGS) {
                 None => polygon::resolve(&rings, Inside::Positive),
                 Some(crossings) => {
                     let (layer, z_mm) = (layer.number, layer.plane_mm());

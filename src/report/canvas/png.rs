@@ -1,9 +1,10 @@
-//! The drawing as a PNG: alone names `tiny_skia`.
+//! The drawing as a PNG: alone names `tiny_skia`, and here alone the PNG crate.
 //!
 //! Drawn at twice the size in px that the picture is laid out in, so that it is
 //! sharp on today's screens.
 use super::super::svg::Rgb;
 use super::{Anchor, Canvas, Outline, Style, font};
+pub(in super::super) use png::EncodingError;
 use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
@@ -35,7 +36,7 @@ impl Png {
     ///
     /// # Errors
     /// The encoder's own; none is expected when writing to memory.
-    pub(in super::super) fn finish(self) -> Result<Vec<u8>, png::EncodingError> {
+    pub(in super::super) fn finish(self) -> Result<Vec<u8>, EncodingError> {
         let (width, height) = (self.pixels.width(), self.pixels.height());
         // Opaque everywhere, so that the premultiplied colours are the plain ones.
         let rgb: Vec<u8> = self.pixels.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();

@@ -13,7 +13,7 @@ mod views;
 
 use super::Survey;
 use super::class::{ALL, Class};
-use crate::report::canvas::png::Png;
+use crate::report::canvas::png::{EncodingError, Png};
 use crate::report::canvas::svg::Svg;
 use crate::report::canvas::{Anchor, Canvas, Style, font, shortened};
 use crate::report::check::{Report, height_words};
@@ -63,7 +63,7 @@ pub enum PictureError {
     Memory,
     /// The encoder's own.
     #[error("the picture cannot be encoded as PNG: {0}; ask for an .svg")]
-    Encode(#[from] png::EncodingError),
+    Encode(#[from] EncodingError),
 }
 
 /// The picture as SVG.

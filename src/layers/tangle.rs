@@ -1,35 +1,27 @@
-//! Whether contours cross each other so often that untangling them would not end.
+//! Whether edges cross each other so often that a boolean of them would not end.
 //!
-//! Takes rings, gives an estimate of how many pairs of their edges cross. A boolean
-//! holds every crossing in memory, and a small file (some thousand bodies that all
-//! overlap) can have billions. Real parts with overlapping bodies have a few for each
-//! body. Knows no region.
-use crate::layers::shape::{Point, Ring};
-
-/// Crossings that are no trouble: about 100 MB while a thread untangles them.
-const FREE: u64 = 1 << 18;
-
-/// Crossings for each edge that are no trouble either.
-const FREE_PER_EDGE: u64 = 1;
+//! Takes the edges of contours or of beads, gives an estimate of how many pairs of
+//! them cross. A boolean holds every crossing in memory, and a small file can have
+//! billions: some thousand bodies that all overlap, lines drawn across each other
+//! everywhere. What is to be printed has a few for each body, or a few for each line.
+//! Knows no region.
+use super::shape::Point;
 
 /// Pairs looked at for each edge: at least 32 of them cross where the limit is reached.
 const SAMPLES_PER_EDGE: usize = 16;
 
-/// About how many pairs of edges cross, where that is beyond what can be untangled.
-/// Pairs are drawn evenly from all, always the same ones for the same rings, so that
-/// the estimate holds wherever the crossings lie; it is right within about a third.
-pub(super) fn tangled(rings: &[Ring]) -> Option<u64> {
-    let count = rings.iter().map(Vec::len).sum::<usize>();
+/// About how many pairs of edges cross, where that is more than `free` and more than
+/// there are edges: those many are no trouble. Pairs are drawn evenly from all, always
+/// the same ones for the same edges, so that the estimate holds wherever the crossings
+/// lie; at the limit it is right within about a third.
+pub(super) fn tangled(edges: impl Iterator<Item = [Point; 2]> + Clone, free: u64) -> Option<u64> {
+    let count = edges.clone().count();
     let pairs = (count as u64).saturating_mul(count as u64) / 2;
-    let limit = FREE.max(FREE_PER_EDGE * count as u64);
+    let limit = free.max(count as u64);
     if pairs <= limit {
         return None;
     }
-    let mut edges: Vec<[Point; 2]> = Vec::with_capacity(count);
-    for ring in rings.iter().filter(|r| !r.is_empty()) {
-        edges.extend(ring.windows(2).map(|e| [e[0], e[1]]));
-        edges.push([ring[ring.len() - 1], ring[0]]);
-    }
+    let edges: Vec<[Point; 2]> = edges.collect();
     let mut state = 0_u64;
     let mut draw = || {
         // SplitMix64; the upper half of a product spreads evenly over the edges.
@@ -57,6 +49,7 @@ fn cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layers::shape::{Ring, ring_edges};
 
     /// Upright needles, and as many lying ones that cross each of them `times` = 4 ways, or none.
     fn needles(count: i32, crossing: bool) -> Vec<Ring> {
@@ -71,7 +64,8 @@ mod tests {
     #[test]
     fn crossings_are_counted_well_enough() {
         let check = |count: i32, crossing: bool, expect: Option<u64>| {
-            let found = tangled(&needles(count, crossing));
+            let rings = needles(count, crossing);
+            let found = tangled(rings.iter().flat_map(|ring| ring_edges(ring)), 1 << 18);
             assert_eq!(found.is_some(), expect.is_some(), "{count}: {found:?}");
             let (found, expect) = (found.unwrap_or_default(), expect.unwrap_or_default());
             assert!(found.abs_diff(expect) <= expect / 4, "{found} instead of {expect}");
@@ -81,5 +75,31 @@ mod tests {
         // Nearly every needle of one kind crosses nearly every one of the other four times.
         check(800, true, Some(4 * 800 * 800));
         check(2000, false, None);
+    }
+
+    #[test]
+    fn lines_that_cross_everywhere_are_told_from_a_grid() {
+        // Lines from side to side of a plate of 200 mm, every way.
+        let line = |k: usize, n: usize| {
+            let t = k as f64 / n as f64;
+            let at = |v: f64| (v * 2_000_000.0) as i32;
+            if k.is_multiple_of(2) {
+                [Point { x: at(t), y: 0 }, Point { x: at(1.0 - t), y: at(1.0) }]
+            } else {
+                [Point { x: 0, y: at(t) }, Point { x: at(1.0), y: at(1.0 - t) }]
+            }
+        };
+        let check = |n: usize, expect: bool| {
+            assert_eq!(tangled((0..n).map(|k| line(k, n)), 60_000).is_some(), expect, "{n}");
+        };
+        check(200, false);
+        check(300, false);
+        check(1000, true);
+        // Many short ones, side by side.
+        let short = (0..20_000).flat_map(|k| {
+            let [a, b, c] = [[0, 0], [0, 900], [150, 0]].map(|[x, y]| Point { x: 100 * k + x, y });
+            [[a, b], [b, c]]
+        });
+        assert_eq!(tangled(short, 60_000), None);
     }
 }
