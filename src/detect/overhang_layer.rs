@@ -27,7 +27,7 @@ mod strip;
 use super::links::{Links, polygons};
 use super::overhang::{Growth, Piece, SelfSupport};
 use crate::layers::polygon::{difference, grow, without};
-use crate::layers::shape::{Point, Polygon, Region, UNITS_PER_MM};
+use crate::layers::shape::{Bounds, Point, Polygon, Region, UNITS_PER_MM};
 use crate::layers::stack::Layer;
 use held::Residual;
 
@@ -126,7 +126,7 @@ fn left_of(piece: &Residual, rules: &SelfSupport, reach: f64) -> Vec<Polygon> {
 }
 
 fn left_of_run(piece: &Residual, run: &strip::Run, reach: f64) -> Vec<Polygon> {
-    let sectors = piece.sectors_of(run.of, run.from, run.edges, reach);
+    let sectors = piece.sectors_of(run.of, run.from, run.edges, reach, Bounds::of(&run.ring));
     without([&run.ring], sectors.iter().map(|s| &s.ring)).polygons
 }
 
@@ -149,6 +149,7 @@ mod tests {
     use super::super::testing::{layer, region, ring};
     use super::*;
     use crate::layers::polygon::{Inside, resolve};
+    use crate::layers::shape::Ring;
     use proptest::prelude::*;
 
     fn rules(angle_deg: f64, bridge_mm: f64) -> SelfSupport {
@@ -352,6 +353,23 @@ mod tests {
                 prop_assert!((polygons - image).abs() < 0.1 * pixel * rim + 0.01, "{growth:?} {polygons} {image}");
             }
         }
+    }
+
+    /// A wall at less than 45° whose corners lie askew: a triangle of the strip reaches
+    /// beyond the long held edge at its tip, where the next edge holds it.
+    #[test]
+    fn what_a_long_edge_ends_the_next_one_holds() {
+        let walled = |wall: &[(f64, f64)]| {
+            let ring = [&[(-45.0, 34.0), (-45.0, 29.0)], wall].concat();
+            let ring: Ring = ring.into_iter().map(|(x, y)| Point::from_mm(x, y)).collect();
+            resolve(&[ring], Inside::NonZero)
+        };
+        let below =
+            [(-40.8, 29.0), (-40.9273, 30.9684), (-40.9785, 31.8105), (-40.9775, 32.4346), (-40.95, 34.0)];
+        let above = [(-40.72, 29.0), (-40.8285, 30.7755), (-40.8935, 31.8459), (-40.9, 33.0), (-40.88, 34.0)];
+        let (below, above) = (walled(&below), walled(&above));
+        assert!(difference(&above, &below).area_mm2() > 0.3);
+        assert_eq!(found(&below, &above, &rules(45.0, 0.0), Growth::Conditional), []);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! piece with each edge marked *held* (on the border of what is below, the piece on this
 //! side and what is below on the other) or *free* (on the polygon's own border).
 use super::super::slabs::{Slabs, edges};
-use crate::layers::shape::{Point, Polygon, Ring};
+use crate::layers::shape::{Bounds, MAX_COORDINATE, Point, Polygon, Ring};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Booleans move points by up to a grid step; what is this near an edge lies on it.
@@ -15,6 +15,12 @@ const CHORD: f64 = std::f64::consts::PI / 18.0;
 
 /// Parts of one edge at most: one that is so much longer than the reach is cut coarser.
 const MOST_PARTS: f64 = 4096.0;
+
+/// All of the grid.
+const EVERYWHERE: Bounds = Bounds {
+    min: Point { x: -MAX_COORDINATE, y: -MAX_COORDINATE },
+    max: Point { x: MAX_COORDINATE, y: MAX_COORDINATE },
+};
 
 /// A vector or a place in grid steps.
 pub(super) type V = [f64; 2];
@@ -120,21 +126,40 @@ impl Residual {
     /// What all held edges hold; see [`Residual::sectors_of`].
     pub(super) fn sectors(&self, reach: f64) -> Vec<Sector> {
         let rings = self.polygon.rings.iter().enumerate();
-        rings.flat_map(|(of, ring)| self.sectors_of(of, 0, ring.len(), reach)).collect()
+        rings.flat_map(|(of, ring)| self.sectors_of(of, 0, ring.len(), reach, EVERYWHERE)).collect()
     }
 
     /// For each held edge of some edges of a ring the rectangle over it that it holds, and
     /// at each vertex of one the part of a circle between: within `reach` grid steps of
-    /// the held edges as far as the piece is on that side. They overlap.
-    pub(super) fn sectors_of(&self, of: usize, from: usize, edges: usize, reach: f64) -> Vec<Sector> {
+    /// the held edges as far as the piece is on that side. They overlap. Those that
+    /// cannot reach into `window` are left out.
+    pub(super) fn sectors_of(
+        &self,
+        of: usize,
+        from: usize,
+        edges: usize,
+        reach: f64,
+        window: Bounds,
+    ) -> Vec<Sector> {
         let (ring, held) = (&self.polygon.rings[of], &self.held[of]);
         let n = ring.len();
         let way = |k: usize| unit(minus(at(ring[(k + 1) % n]), at(ring[k])));
+        let reaches = |a: Point, b: Point| {
+            // Two steps of the grid more, since ends are rounded.
+            let far = |p: i32, q: i32, low: i32, high: i32| {
+                f64::from(p.max(q)) + reach + 2.0 < f64::from(low)
+                    || f64::from(p.min(q)) - reach - 2.0 > f64::from(high)
+            };
+            !far(a.x, b.x, window.min.x, window.max.x) && !far(a.y, b.y, window.min.y, window.max.y)
+        };
         let mut sectors = Vec::new();
-        let mut in_way = way((from + n - 1) % n);
         for k in (from..=from + edges).map(|k| k % n) {
             let before = (k + n - 1) % n;
-            let (a, b, out_way) = (ring[k], ring[(k + 1) % n], way(k));
+            let (a, b) = (ring[k], ring[(k + 1) % n]);
+            if !reaches(a, b) {
+                continue;
+            }
+            let (in_way, out_way) = (way(before), way(k));
             if held[k] {
                 sectors.push(rectangle(at(a), at(b), reach));
             }
@@ -148,7 +173,6 @@ impl Residual {
                 let slice = slice(a, start, end, angle, reach);
                 sectors.extend(slice.map(|ring| Sector { ring, source: (at(a), at(a)) }));
             }
-            in_way = out_way;
         }
         sectors
     }

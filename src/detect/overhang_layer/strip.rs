@@ -7,8 +7,9 @@
 //! everywhere and runs once around the piece's border covers each of its points once.
 //!
 //! A triangle that lies within reach of a held edge or vertex *of its own* is held, each
-//! of its points by a straight way inside the piece. The others come in runs; only these
-//! are left to booleans, with the held edges beside them along the border: nothing across
+//! of its points by a straight way inside the piece. So is one whose parts each lie within
+//! reach of an edge close by along the border, on its left: that is what a boolean with
+//! what these edges hold would find. The others come in runs; only these are left to booleans, with the held edges beside them along the border: nothing across
 //! a gap is asked, and a notch narrower than the reach is measured across. A piece that
 //! cannot be zipped (no point behind a slot sees a held edge) is no strip.
 use super::held::{Residual, V, at, cross, distance_2, minus};
@@ -20,6 +21,16 @@ const ROUNDED: f64 = 1.5;
 /// Held edges this far beyond the ends of a run, in parts of the reach along the border,
 /// are asked too: more than one, since a border that winds comes back near.
 const WINDOW: f64 = 4.0;
+
+/// Held edges to either side of a triangle that may hold a part of it.
+const CLOSE_BY: usize = 4;
+
+/// How often a triangle is halved to find what holds its parts: what is left then is thin
+/// against the reach, and asking on would cost more than the boolean.
+const HALVED: u32 = 6;
+
+/// Held edges times parts of a stretch that are looked at; beyond it the stretch stays whole.
+const MOST_LOOKS: usize = 1 << 18;
 
 /// A part of a strip that is not proved held.
 #[derive(Debug)]
@@ -85,10 +96,21 @@ impl Strip {
         }
     }
 
-    /// The run between two states of the zipper, with the held edges within reach.
-    fn run(&self, open: (usize, usize), shut: (usize, usize), reach: f64) -> Run {
-        let ring: Ring =
-            self.held[shut.0..=open.0].iter().chain(&self.free[open.1..=shut.1]).copied().collect();
+    /// The runs between states of the zipper, all with the held edges within reach of the
+    /// stretch that they are parts of.
+    fn runs(&self, stretch: &Stretch, reach: f64) -> Vec<Run> {
+        let (from, edges) = self.beside(stretch.open, stretch.shut, reach);
+        let whole = [(stretch.open, stretch.shut)];
+        let parts = if stretch.parts.len() * edges <= MOST_LOOKS { &stretch.parts[..] } else { &whole };
+        let ring = |&(open, shut): &(State, State)| -> Ring {
+            tidy(self.held[shut.0..=open.0].iter().chain(&self.free[open.1..=shut.1]).copied().collect())
+        };
+        parts.iter().map(|part| Run { ring: ring(part), of: self.of, from, edges }).collect()
+    }
+
+    /// The first held edge within reach of what lies between two states, by its index in
+    /// the ring, and their number.
+    fn beside(&self, open: State, shut: State, reach: f64) -> (usize, usize) {
         let last = self.held.len() - 1;
         let step = |k: usize| {
             let d = minus(at(self.held[k + 1]), at(self.held[k]));
@@ -104,12 +126,13 @@ impl Strip {
             on += step(high);
             high += 1;
         }
+        // A triangle may reach beyond the held edge that its tip ends: the next one counts.
+        (low, high) = (low.saturating_sub(1), (high + 1).min(last));
         // Around a closed chain the ends meet: take the whole of it when one is near.
         if self.closed && (low == 0 || high == last) {
             (low, high) = (0, last);
         }
-        let from = (self.from + low) % self.around;
-        Run { ring: tidy(ring), of: self.of, from, edges: high - low }
+        ((self.from + low) % self.around, high - low)
     }
 }
 
@@ -129,7 +152,7 @@ pub(super) fn runs(piece: &Residual, reach: f64) -> Option<Vec<Run>> {
     let (held, free): (Vec<V>, Vec<V>) =
         (strip.held.iter().map(|p| at(*p)).collect(), strip.free.iter().map(|p| at(*p)).collect());
     let mut runs = Vec::new();
-    let mut open: Option<(usize, usize)> = None;
+    let mut stretch: Option<Stretch> = None;
     // From the end of the held chain backward, from the start of the free one forward.
     let (mut i, mut j) = (held.len() - 1, 0);
     while i > 0 || j + 1 < free.len() {
@@ -142,21 +165,56 @@ pub(super) fn runs(piece: &Residual, reach: f64) -> Option<Vec<Run>> {
             // The shorter diagonal keeps the two sides in step.
             (Some(_), Some(_)) => length_2(held[i - 1], free[j]) <= length_2(held[i], free[j + 1]),
         };
-        let proved = if take_back { back } else { on } == Some(true);
-        match (proved, open) {
-            (false, None) => open = Some((i, j)),
-            (true, Some(from)) => {
-                runs.push(strip.run(from, (i, j), reach));
-                open = None;
-            }
-            _ => {}
+        let state = (i, j);
+        if if take_back { back } else { on } == Some(true) {
+            runs.extend(stretch.take().into_iter().flat_map(|s| strip.runs(&s.shut(state), reach)));
+        } else {
+            let corner = if take_back { held[i - 1] } else { free[j + 1] };
+            let edges = close_by(&held, i, reach);
+            let held = covered(&edges, [held[i], free[j], corner], reach * reach, HALVED);
+            stretch.get_or_insert_with(|| Stretch::new(state)).triangle(state, held);
         }
         if take_back { i -= 1 } else { j += 1 }
     }
-    if let Some(from) = open {
-        runs.push(strip.run(from, (i, j), reach));
-    }
+    runs.extend(stretch.into_iter().flat_map(|s| strip.runs(&s.shut((i, j)), reach)));
     Some(runs)
+}
+
+/// Where the zipper stands: the places in the held chain and in the free one.
+type State = (usize, usize);
+
+/// Triangles in a row that no edge of their own holds.
+struct Stretch {
+    open: State,
+    shut: State,
+    /// The runs in it of triangles that are not proved held by what is close by either.
+    parts: Vec<(State, State)>,
+    /// Where the last run began, until it ends.
+    begun: Option<State>,
+}
+
+impl Stretch {
+    fn new(open: State) -> Stretch {
+        Stretch { open, shut: open, parts: Vec::new(), begun: None }
+    }
+
+    /// The triangle that the zipper draws from here.
+    fn triangle(&mut self, from: State, held: bool) {
+        match (held, self.begun) {
+            (false, None) => self.begun = Some(from),
+            (true, Some(begun)) => {
+                self.parts.push((begun, from));
+                self.begun = None;
+            }
+            _ => {}
+        }
+    }
+
+    fn shut(mut self, at: State) -> Stretch {
+        self.shut = at;
+        self.parts.extend(self.begun.take().map(|begun| (begun, at)));
+        self
+    }
 }
 
 fn length_2(a: V, b: V) -> f64 {
@@ -186,4 +244,53 @@ fn under_edge(held: &[V], i: usize, a: V, b: V, reach: f64) -> Option<bool> {
             || (i > 0 && within(held[i - 1], tip))
             || (i + 1 < held.len() && within(tip, held[i + 1]))
     })
+}
+
+/// Some edges of the held chain before and after a vertex, none farther along it than the [`WINDOW`].
+fn close_by(held: &[V], i: usize, reach: f64) -> Vec<(V, V)> {
+    let far = |way: f64| way > WINDOW * reach;
+    let mut edges = Vec::with_capacity(2 * CLOSE_BY);
+    let mut way = 0.0;
+    for k in (0..i).rev().take(CLOSE_BY) {
+        edges.push((held[k], held[k + 1]));
+        way += length_2(held[k], held[k + 1]).sqrt();
+        if far(way) {
+            break;
+        }
+    }
+    way = 0.0;
+    for k in (i..held.len() - 1).take(CLOSE_BY) {
+        edges.push((held[k], held[k + 1]));
+        way += length_2(held[k], held[k + 1]).sqrt();
+        if far(way) {
+            break;
+        }
+    }
+    edges
+}
+
+/// Whether parts of a triangle, halved so many times, each lie within reach of one of the
+/// edges and to its left. What is so near one edge is convex: the corners tell.
+fn covered(edges: &[(V, V)], corners: [V; 3], reach_2: f64, halved: u32) -> bool {
+    let holds = |&(a, b): &(V, V), p: V| {
+        let side = cross(minus(b, a), minus(p, a));
+        (side >= 0.0 || side * side <= length_2(a, b)) && distance_2(p, a, b) <= reach_2
+    };
+    if edges.iter().any(|e| corners.iter().all(|&p| holds(e, p))) {
+        return true;
+    }
+    if halved == 0 || !corners.iter().all(|&p| edges.iter().any(|e| holds(e, p))) {
+        return false;
+    }
+    let longest = |k: usize| length_2(corners[k], corners[(k + 1) % 3]);
+    let k = if longest(0) >= longest(1).max(longest(2)) {
+        0
+    } else if longest(1) >= longest(2) {
+        1
+    } else {
+        2
+    };
+    let [a, b, c] = [0, 1, 2].map(|n| corners[(k + n) % 3]);
+    let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
+    covered(edges, [a, middle, c], reach_2, halved - 1) && covered(edges, [middle, b, c], reach_2, halved - 1)
 }
