@@ -177,6 +177,10 @@ pub fn overlaps_any<'a>(a: &Polygon, others: impl IntoIterator<Item = &'a Polygo
 /// Greatest distance between an arc and its chords, mm.
 const ARC_TOLERANCE_MM: f64 = 0.002;
 
+/// How far beyond the tolerance that it is asked for Clipper's arcs go: it rounds the
+/// number of an arc's chords, so one may span half again the angle, at 1.5² the height.
+const CLIPPER_ARC: f64 = 2.25;
+
 fn closed_line(ring: &Ring) -> LineString<i64> {
     let coord = |p: &Point| Coord { x: i64::from(p.x), y: i64::from(p.y) };
     ring.iter().chain(ring.first()).map(coord).collect()
@@ -207,7 +211,7 @@ pub fn grow(a: &Region, distance_mm: f64) -> Region {
         geo_types::Polygon::new(lines.next().unwrap_or_else(|| LineString(Vec::new())), lines.collect())
     };
     let all = MultiPolygon(a.polygons.iter().map(polygon).collect());
-    let join = JoinType::Round(ARC_TOLERANCE_MM * UNITS_PER_MM);
+    let join = JoinType::Round(ARC_TOLERANCE_MM / CLIPPER_ARC * UNITS_PER_MM);
     let grown = ClipperInt::offset(&all, distance, join, EndType::ClosedPolygon);
     let rings: Vec<Ring> = grown
         .into_iter()
