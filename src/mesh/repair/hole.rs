@@ -25,9 +25,13 @@ const AREA: f64 = 0.01;
 /// in parts of the diagonal: 10 µm for a part of 100 mm.
 const SLIT_WIDTH: f64 = 1e-4;
 
-/// Largest part of the whole mesh's area that a hole of three edges has when it is
+/// Largest part of the whole mesh's area that a hole of three corners has when it is
 /// filled: a triangle that went missing.
 const TRIANGLE_AREA: f64 = 0.5;
+
+/// Where a rim bends by less than the angle of this sine it has no corner: a neighbour
+/// of the missing triangle was cut there.
+const STRAIGHT: f64 = 1e-4;
 
 /// Areas of triangles that are computed for all holes together: 1 s or so.
 const AREAS_MAX: usize = 100_000_000;
@@ -67,10 +71,23 @@ fn is_small(draft: &Draft, rim: &[u32], filling_mm2: f64, [shell_mm2, whole_mm2]
         distance(a, b)
     };
     let perimeter: f64 = rim.iter().map(length).sum();
-    let a_triangle = rim.len() == 3 && filling_mm2 <= TRIANGLE_AREA * whole_mm2;
+    let a_triangle = corners(draft, rim) == 3 && filling_mm2 <= TRIANGLE_AREA * whole_mm2;
     let a_slit = filling_mm2 <= SLIT_WIDTH * draft.diagonal_mm * perimeter / 2.0;
     let a_spot = perimeter <= PERIMETER * draft.diagonal_mm && filling_mm2 <= AREA * shell_mm2;
     a_triangle || a_slit || a_spot
+}
+
+/// How many corners a rim has.
+fn corners(draft: &Draft, rim: &[u32]) -> usize {
+    let at = |v: u32| draft.vertices[v as usize];
+    let ways = rim.iter().zip(rim.iter().cycle().skip(1));
+    ways.filter(|&(&h, &after)| {
+        let ([a, b], [c, d]) = (draft.ends(h), draft.ends(after));
+        // A rim's half-edges may follow each other at either end.
+        let [from, corner, to] = if b == c { [a, b, d] } else { [b, a, c] }.map(at);
+        2.0 * area(from, corner, to) > STRAIGHT * distance(from, corner) * distance(corner, to)
+    })
+    .count()
 }
 
 /// The triangles of least total area over a rim, facing as the surface does, and
