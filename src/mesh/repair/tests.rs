@@ -310,16 +310,17 @@ fn damage() -> impl Strategy<Value = Damage> {
     ]
 }
 
-/// Damages triangles of a body, none twice and no neighbours of each other by number.
+/// Damages triangles of a body, none twice and no neighbours of each other by number;
+/// of a block's twelve only the first, since two that are gone leave a hole that may be meant.
 fn damaged(mut soup: Soup, damages: &[Damage]) -> Soup {
     let whole = soup.0.len();
     let mut lost = vec![false; whole];
-    let mut touched = vec![false; whole / 8 + 1];
+    let mut touched = vec![false; whole / 16 + 1];
     for damage in damages {
         let (Damage::Lost(k) | Damage::Flipped(k) | Damage::Twice(k) | Damage::Cut(k) | Damage::Off(k, _)) =
             damage;
-        let k = k % whole / 8 * 8;
-        if std::mem::replace(&mut touched[k / 8], true) {
+        let k = k % whole / 16 * 16;
+        if std::mem::replace(&mut touched[k / 16], true) {
             continue;
         }
         let [a, b, c] = soup.0[k];
