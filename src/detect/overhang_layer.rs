@@ -351,8 +351,11 @@ mod tests {
             let rim = border(&above) + border(&below);
             for growth in [Growth::Conditional, Growth::Naive] {
                 let polygons = area(&pieces(&lower, &upper, &links, &rules, growth));
-                let image = area(&overhang_image::pieces(&lower, &upper, &links, reach, growth, pixel));
-                prop_assert!((polygons - image).abs() < 0.004 * rim + 0.01, "{growth:?} {polygons} {image}");
+                let image = |pixel| area(&overhang_image::pieces(&lower, &upper, &links, reach, growth, pixel));
+                // A neck narrower than a pixel is none to the image: finer ones see it.
+                let mut finer = [1.0, 2.0, 4.0, 8.0].iter().map(|k| image(pixel / k));
+                let near = finer.any(|image| (polygons - image).abs() < 0.004 * rim + 0.01);
+                prop_assert!(near, "{growth:?} {polygons} {}", image(pixel / 8.0));
             }
         }
     }
