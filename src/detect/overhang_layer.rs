@@ -27,7 +27,7 @@ mod strip;
 use super::links::{Links, polygons};
 use super::overhang::{Growth, Piece, SelfSupport};
 use crate::layers::polygon::{difference, grow, without};
-use crate::layers::shape::{Bounds, Point, Polygon, Region, UNITS_PER_MM};
+use crate::layers::shape::{Bounds, Point, Polygon, Region, UNITS_PER_MM, ring_edges};
 use crate::layers::stack::Layer;
 use held::Residual;
 
@@ -138,8 +138,9 @@ fn is_dust(polygon: &Polygon) -> bool {
 }
 
 fn length(ring: &[Point]) -> f64 {
-    let ends = ring.iter().zip(ring.iter().cycle().skip(1));
-    ends.map(|(a, b)| (f64::from(b.x) - f64::from(a.x)).hypot(f64::from(b.y) - f64::from(a.y))).sum()
+    ring_edges(ring)
+        .map(|[a, b]| (f64::from(b.x) - f64::from(a.x)).hypot(f64::from(b.y) - f64::from(a.y)))
+        .sum()
 }
 
 #[cfg(test)]

@@ -2,14 +2,14 @@
 //!
 //! Takes edges, gives those that reach into a range of heights, and perhaps a few
 //! more. Holds at most three entries an edge, whatever the shape.
-use crate::layers::shape::{Point, Ring};
+use crate::layers::shape::{Point, Ring, ring_edges};
 
 /// From a point to a point.
 pub(super) type Edge = (Point, Point);
 
 /// The edges of a ring in their order, those of no length left out.
 pub(super) fn edges(ring: &Ring) -> impl Iterator<Item = Edge> + Clone + '_ {
-    ring.iter().copied().zip(ring.iter().copied().cycle().skip(1)).filter(|(a, b)| a != b)
+    ring_edges(ring).map(|[a, b]| (a, b)).filter(|(a, b)| a != b)
 }
 
 /// The index.

@@ -9,7 +9,7 @@
 use super::held::{Edge, NEAR, Sector, at, cross, distance_2, minus};
 use crate::detect::overlap::sweep;
 use crate::layers::polygon::within;
-use crate::layers::shape::{Point, Polygon, Ring};
+use crate::layers::shape::{Point, Polygon, Ring, ring_edges};
 
 /// Vertices that are cut at most, so that no piece takes long. Beyond it what could jump
 /// holds nothing: more is reported, nothing is missed.
@@ -99,10 +99,8 @@ fn attached(rings: &[Ring], sector: &Sector) -> Vec<Ring> {
     let (a, b) = sector.source;
     let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
     let touches = |polygon: &Polygon| {
-        polygon.rings.iter().any(|ring| {
-            let mut ends = ring.iter().zip(ring.iter().cycle().skip(1));
-            ends.any(|(c, d)| distance_2(middle, at(*c), at(*d)) <= NEAR * NEAR)
-        })
+        let mut edges = polygon.rings.iter().flat_map(|ring| ring_edges(ring));
+        edges.any(|[c, d]| distance_2(middle, at(c), at(d)) <= NEAR * NEAR)
     };
     let found = within(rings, [&sector.ring]).polygons;
     found.into_iter().filter(touches).flat_map(|p| p.rings).collect()

@@ -4,7 +4,7 @@
 //! piece with each edge marked *held* (on the border of what is below, the piece on this
 //! side and what is below on the other) or *free* (on the polygon's own border).
 use super::super::slabs::{Slabs, edges};
-use crate::layers::shape::{Bounds, MAX_COORDINATE, Point, Polygon, Ring};
+use crate::layers::shape::{Bounds, MAX_COORDINATE, Point, Polygon, Ring, ring_edges};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Booleans move points by up to a grid step; what is this near an edge lies on it.
@@ -83,13 +83,9 @@ impl Borders {
     }
 
     fn held(&self, ring: &Ring) -> Vec<bool> {
-        let ends = ring.iter().zip(ring.iter().cycle().skip(1));
-        ends.map(|(&a, &b)| {
-            // What is below lies on the other side: its border runs the other way.
-            // Where both borders run together, what is below is not under the polygon.
-            self.below.along(b, a) && !self.own.along(a, b)
-        })
-        .collect()
+        // What is below lies on the other side: its border runs the other way.
+        // Where both borders run together, what is below is not under the polygon.
+        ring_edges(ring).map(|[a, b]| self.below.along(b, a) && !self.own.along(a, b)).collect()
     }
 }
 
@@ -117,8 +113,8 @@ impl Residual {
     pub(super) fn free(&self) -> Vec<Edge> {
         let mut free = Vec::new();
         for (ring, held) in self.polygon.rings.iter().zip(&self.held) {
-            let ends = ring.iter().zip(ring.iter().cycle().skip(1)).zip(held);
-            free.extend(ends.filter(|(_, held)| !**held).map(|((a, b), _)| (at(*a), at(*b))));
+            let ends = ring_edges(ring).zip(held);
+            free.extend(ends.filter(|(_, held)| !**held).map(|([a, b], _)| (at(a), at(b))));
         }
         free
     }
