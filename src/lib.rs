@@ -1,6 +1,7 @@
 //! Outrigger: the rooms behind the `outrigger` binary. ARCHITECTURE.md is the map.
 pub mod cli;
 pub mod detect;
+pub mod job;
 pub mod layers;
 pub mod mesh;
 pub mod post;

@@ -15,6 +15,7 @@ const RULES: &[(&str, &[&str])] = &[
     ("toolpath", &["units"]),
     ("profile", &["units"]),
     ("printer", &["units"]),
+    ("job", &["printer", "units"]),
     ("post", &["toolpath", "units"]),
     ("report", &["detect", "layers", "post", "toolpath", "units"]),
 ];
@@ -31,15 +32,20 @@ const ONLY: &[(&str, &[&str])] = &[
     ("tiny_skia", &["src/report/canvas/png.rs"]),
     ("png", &["src/report/canvas/png.rs", "src/resin/image.rs", "src/resin/testing.rs"]),
     ("zip", &["src/resin/archive.rs", "src/resin/testing.rs"]),
-    ("crc32fast", &["gcode/src/bgcode/"]),
+    ("crc32fast", &["gcode/src/bgcode/", "src/job/journal"]),
     ("embedded_heatshrink", &["gcode/src/bgcode/"]),
     (
         "flate2",
         &["gcode/src/bgcode/", "src/report/survey/page.rs", "src/resin/image.rs", "src/resin/testing.rs"],
     ),
+    ("sha2", &["src/job/digest.rs"]),
+    ("rustyline", &["src/cli/console"]),
     ("indicatif", &["src/cli/"]),
     ("clap", &["src/cli/"]),
-    ("std::fs", &["src/cli/", "src/printer/", "src/profile", "src/layers/from_gcode/tests.rs"]),
+    (
+        "std::fs",
+        &["src/cli/", "src/job/disk.rs", "src/printer/", "src/profile", "src/layers/from_gcode/tests.rs"],
+    ),
     ("std::time::Instant", &["src/cli/", "src/printer/port.rs", "src/printer/drive.rs", "src/printer/mock/"]),
 ];
 

@@ -7,11 +7,12 @@ mod escape;
 mod marks;
 mod show;
 
-use crate::printer::drive::{JobLine, Source, SourceError, drive};
+use crate::printer::drive::drive;
 use crate::printer::job_file::{Checked, Reader, check};
 use crate::printer::mock;
 use crate::printer::port::Port;
 use crate::printer::session::{DEFAULT_BOOT_WAIT_MS, Ending, Outcome, Safety, Session, Settings};
+use crate::printer::source::{JobLine, Source, SourceError};
 use crate::printer::window::Limit;
 use crate::profile::{Macro, Profile, load_printer, printer::Window};
 use anyhow::{Context, bail};
@@ -137,6 +138,8 @@ fn settings(profile: &Profile) -> Settings {
             true => DEFAULT_BOOT_WAIT_MS,
             false => NO_RESET_WAIT_MS,
         },
+        asks: false,
+        waits_for_link: false,
         cancel_macro: profile.macros.cancel.lines().map(str::to_owned).collect(),
     }
 }

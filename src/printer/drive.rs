@@ -5,6 +5,7 @@
 //! the caller. Owns the clock; knows no protocol, no file and no terminal.
 use super::port::{Moved, Port};
 use super::session::{Event, Outcome, Session};
+use super::source::Source;
 use std::future::Future;
 use std::pin::pin;
 use std::time::Duration;
@@ -15,34 +16,6 @@ const READ_BYTES: usize = 4096;
 
 /// Longest sleep when the session has no deadline; any value would do.
 const IDLE: Duration = Duration::from_secs(60);
-
-/// A line that the printer should get.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct JobLine<'a> {
-    /// The command, as `outrigger_gcode::checksum::sendable` gives it.
-    pub command: &'a [u8],
-    /// Its line number in the file, from 1; 0 for a line that is not in the file.
-    pub number: u64,
-}
-
-/// Where the lines of a job come from.
-pub trait Source {
-    /// Goes to the next line; `false` after the last. An error ends the job,
-    /// safely.
-    fn advance(&mut self) -> Result<bool, SourceError>;
-
-    /// The line where [`Source::advance`] stopped.
-    fn line(&self) -> JobLine<'_>;
-}
-
-/// A job that cannot be read on.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SourceError {
-    /// The last line that was read.
-    pub line: u64,
-    /// What went wrong.
-    pub reason: String,
-}
 
 /// Who watches a job.
 pub trait Watcher {

@@ -4,7 +4,7 @@
 //! their line numbers, in bounded memory whatever the file holds. [`check`] goes through all of it as
 //! [`Reader`] later will, so that a line which cannot be sent is found before the
 //! heaters are on. Does not know printers' answers or terminals.
-use super::drive::{JobLine, Source, SourceError};
+use super::source::{JobLine, Source, SourceError};
 use outrigger_gcode::bgcode::{Text, text};
 use outrigger_gcode::checksum::{fit, sendable};
 use std::io::{BufReader, Read};

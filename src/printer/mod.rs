@@ -6,6 +6,7 @@
 //! - [`window`]: numbered lines, what is in flight, what can be sent again.
 //! - [`lines`]: bytes from the wire into lines.
 //! - [`reply`], [`temperature`]: what a line of the printer means.
+//! - [`source`]: where a job's lines come from.
 //! - [`session`]: the state machine over these; no I/O, no clock.
 //! - [`port`]: the serial port.
 //! - [`drive`]: a session, a port and a clock, together.
@@ -23,5 +24,6 @@ pub mod mock;
 pub mod port;
 pub mod reply;
 pub mod session;
+pub mod source;
 pub mod temperature;
 pub mod window;

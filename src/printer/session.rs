@@ -33,7 +33,7 @@ mod sim;
 #[cfg(test)]
 mod tests;
 
-pub use event::{Ending, Event, Failure, Outcome, Safety};
+pub use event::{Ending, Event, Failure, Found, Outcome, Safety, StoppedBy};
 pub use settings::{DEFAULT_BOOT_WAIT_MS, DEFAULT_WINDOW_BYTES, MARLIN_MAX_LINE, Settings};
 
 use crate::printer::lines::LineSplitter;
@@ -53,8 +53,8 @@ enum Phase {
     /// Asking who is there: 0 nothing, 1 M115, [`ASKED_ALL`] M155 sent; then an
     /// M105 proves that both sides count alike.
     Identify { asked: u8 },
-    /// Feeding the job; `closing` once its last line is in the window.
-    Job { closing: Closing },
+    /// Both sides count alike: the job is fed, held or ended, as [`Feed`] says.
+    Job,
     /// No more is fed; what is in flight is awaited.
     WindDown { until_ms: u64, interrupt: bool },
     /// The cancel macro goes out; `next` is the index of its next line.
@@ -74,15 +74,24 @@ enum Then {
     Safe { until_ms: u64 },
 }
 
-/// The end of a job that went well.
+/// Whether the job's lines go out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Closing {
+enum Feed {
     /// More lines may come.
-    No,
-    /// The source has no more lines.
-    Drained,
+    Open,
+    /// No more lines of the job; what was sent is awaited.
+    Closing(To),
     /// M400 was pushed: it waits for the last move.
-    Settling,
+    Settling(To),
+    /// Nothing of the job is in flight; our own lines may run.
+    Held,
+}
+
+/// What the closing leads to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum To {
+    End,
+    Hold,
 }
 
 /// What the printer said of itself.
@@ -101,6 +110,19 @@ struct Pending {
     full: bool,
 }
 
+/// What a session wants to do and must ask for first, since it changes which line of
+/// the job a number on the wire stands for. Only where [`Settings::asks`] is set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ask {
+    /// A line that is not the job's is to get this number, between two of the job's.
+    Own {
+        /// Number on the wire.
+        n: u32,
+    },
+    /// The printer is to count from 0 again; nothing of the job is in flight.
+    Renumber,
+}
+
 /// The state machine. See the module's text.
 #[derive(Debug)]
 pub struct Session {
@@ -115,8 +137,11 @@ pub struct Session {
     out_at: usize,
     events: VecDeque<Event>,
     ending: Option<Ending>,
-    /// The source has no more lines.
-    job_over: bool,
+    feed: Feed,
+    /// Lines that are not the job's, to be run while it is held.
+    own: VecDeque<Vec<u8>>,
+    /// Such lines were given, and their end was not told yet.
+    own_running: bool,
     /// Whether a line of the job was ever sent.
     touched: bool,
     /// Last job line that was acknowledged.
@@ -146,7 +171,9 @@ impl Session {
             out_at: 0,
             events: VecDeque::new(),
             ending: None,
-            job_over: false,
+            feed: Feed::Open,
+            own: VecDeque::new(),
+            own_running: false,
             touched: false,
             job_acked: 0,
             lines_sent: 0,
@@ -193,7 +220,7 @@ impl Session {
 
     /// Whether [`Session::feed`] would take a line.
     pub fn wants_line(&self) -> bool {
-        matches!(self.phase, Phase::Job { closing: Closing::No }) && !self.pending.full
+        self.phase == Phase::Job && self.feed == Feed::Open && !self.pending.full
     }
 
     /// Gives the next line of the job: a command without comment or number (see
@@ -215,15 +242,51 @@ impl Session {
         self.pump(now_ms);
     }
 
-    /// The job has no more lines.
+    /// The job has no more lines: once all were accepted and every move is made,
+    /// [`Outcome::Finished`] is told.
     pub fn finish_job(&mut self, now_ms: u64) {
-        if let Phase::Job { closing } = &mut self.phase
-            && *closing == Closing::No
-        {
-            *closing = Closing::Drained;
-            self.job_over = true;
+        self.close(To::End, now_ms);
+    }
+
+    /// Feeds no more: once all that was sent was accepted and every move is made,
+    /// [`Event::Held`] is told. Lines of our own may then run ([`Session::run_own`]),
+    /// until [`Session::release`] or [`Session::finish_job`].
+    pub fn hold(&mut self, now_ms: u64) {
+        self.close(To::Hold, now_ms);
+    }
+
+    fn close(&mut self, to: To, now_ms: u64) {
+        if self.is_over() || self.ending.is_some() {
+            return;
+        }
+        match (self.feed, to) {
+            (Feed::Open, _) | (Feed::Held, To::End) => self.feed = Feed::Closing(to),
+            _ => {}
+        }
+        self.pump(now_ms);
+    }
+
+    /// Feeds on after [`Event::Held`].
+    pub fn release(&mut self, now_ms: u64) {
+        if self.feed == Feed::Held {
+            self.feed = Feed::Open;
             self.pump(now_ms);
         }
+    }
+
+    /// Sends lines that are not the job's while it is held, in order and within the
+    /// window; [`Event::OwnDone`] is told once all were accepted. Ignored otherwise.
+    pub fn run_own<'a>(&mut self, lines: impl IntoIterator<Item = &'a str>, now_ms: u64) {
+        if self.feed == Feed::Held {
+            self.own.extend(lines.into_iter().map(|line| line.as_bytes().to_vec()));
+            self.own_running = true;
+            self.pump(now_ms);
+        }
+    }
+
+    /// The number that the next new line gets on the wire.
+    pub fn next_number(&self) -> u32 {
+        self.window.next()
     }
 
     /// The job cannot be read on; the printer is made safe.
@@ -266,6 +329,64 @@ impl Session {
         });
     }
 
+    /// What the session wants leave for; it sends nothing new until
+    /// [`Session::allow`].
+    pub fn asks(&self) -> Option<Ask> {
+        None
+    }
+
+    /// Leave for what [`Session::asks`] said.
+    pub fn allow(&mut self, _now_ms: u64) {}
+
+    /// A session with a printer that may be in mid-job: nothing is said that would
+    /// change its count or its state. Tells [`Event::Found`], then waits for
+    /// [`Session::go_on`] or [`Session::begin_anew`].
+    pub fn take_over(settings: Settings, now_ms: u64) -> Self {
+        Self::new(settings, now_ms)
+    }
+
+    /// After [`Found::Counting`]: both sides count on from `last`. What the window
+    /// still holds beyond it is sent again; the session is then in the job, open to
+    /// be fed (or held, if it was). `false`, and nothing changed, when lines
+    /// between what was acknowledged and `last` are not known to have been sent.
+    pub fn go_on(&mut self, _last: u32, _now_ms: u64) -> bool {
+        false
+    }
+
+    /// After [`Event::Found`]: the printer is told to count from 0, as in a new
+    /// session; [`Event::Connected`] follows.
+    pub fn begin_anew(&mut self, _now_ms: u64) {}
+
+    /// The port is gone. Where [`Settings::waits_for_link`] is set, [`Event::LinkLost`] is
+    /// told and all waits; [`Session::link_back`] leads to [`Event::Found`].
+    pub fn link_lost(&mut self, reason: String) {
+        self.port_lost(reason);
+    }
+
+    /// The port was opened again.
+    pub fn link_back(&mut self, _now_ms: u64) {}
+
+    /// M112, ahead of all else and whatever the state: [`Session::output`] begins with
+    /// it, and what was to be sent before is dropped. Where the caller must reset
+    /// the board, [`Session::wants_hard_stop`] says so; [`Event::EmergencyStopped`]
+    /// and the end follow.
+    pub fn emergency_stop(&mut self, now_ms: u64) {
+        self.cancel(now_ms);
+    }
+
+    /// M112 has had no effect for 1 s: the caller resets the board and calls
+    /// [`Session::hard_stopped`].
+    pub fn wants_hard_stop(&self) -> bool {
+        false
+    }
+
+    /// The board was reset, or cannot be.
+    pub fn hard_stopped(&mut self, _done: bool, _now_ms: u64) {}
+
+    /// A command of a person, to be sent at once: beside the job, unnumbered where the firmware
+    /// reads it ahead of its queue (M108, M876), else as a line of our own.
+    pub fn command(&mut self, _command: &str, _now_ms: u64) {}
+
     // ---- what goes out ----
 
     /// Bytes to write, whole lines in order.
@@ -305,8 +426,8 @@ impl Session {
             Phase::Boot { speak_ms, .. } => Some(speak_ms),
             Phase::Numbering { retry_ms, .. } => Some(retry_ms),
             Phase::WindDown { until_ms, .. } | Phase::Safe { until_ms, .. } => Some(until_ms),
-            Phase::Job { .. } if !self.printer.auto_report => Some(self.poll_ms),
-            Phase::Identify { .. } | Phase::Job { .. } => None,
+            Phase::Job if !self.printer.auto_report => Some(self.poll_ms),
+            Phase::Identify { .. } | Phase::Job => None,
         };
         let others = [self.answers.drain_ends_ms(), self.stall_ms()];
         others.into_iter().flatten().chain(phase).min()
@@ -416,7 +537,10 @@ impl Session {
     }
 
     fn tell(&mut self, event: Event) {
-        let must = matches!(event, Event::Connected { .. } | Event::Stopping(_) | Event::Ended(_));
+        let must = matches!(
+            event,
+            Event::Held | Event::OwnDone | Event::Connected { .. } | Event::Stopping(_) | Event::Ended(_)
+        );
         if must || self.events.len() < MAX_EVENTS {
             self.events.push_back(event);
         }

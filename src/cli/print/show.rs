@@ -256,7 +256,13 @@ impl Watcher for Show {
                     format!("stopping: {why}; sending the cancel macro")
                 }
             }),
-            Event::Position(_) | Event::Ended(_) => {}
+            Event::Position(_)
+            | Event::Held
+            | Event::OwnDone
+            | Event::LinkLost { .. }
+            | Event::Found(_)
+            | Event::EmergencyStopped { .. }
+            | Event::Ended(_) => {}
         }
         self.refresh(self.interval());
     }

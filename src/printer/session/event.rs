@@ -48,6 +48,10 @@ pub enum Event {
     PrinterError(String),
     /// Any other line of the printer.
     Note(String),
+    /// Nothing of the job is in flight and every move is made ([`hold`](super::Session::hold)).
+    Held,
+    /// Our own lines were all accepted ([`run_own`](super::Session::run_own)).
+    OwnDone,
     /// A line of the job was left out, since it would upset the line numbers.
     Skipped {
         /// The job's own line number.
@@ -55,8 +59,43 @@ pub enum Event {
     },
     /// Feeding has stopped; what the printer has and the safe sequence come next.
     Stopping(Ending),
+    /// The port is gone in mid-job; the session waits for [`link_back`](super::Session::link_back).
+    LinkLost {
+        /// What the system said.
+        reason: String,
+    },
+    /// What a printer that may be in mid-job was found to be.
+    Found(Found),
+    /// An emergency stop is over, with or without effect.
+    EmergencyStopped {
+        /// What stopped the printer; `None`: nothing did.
+        by: Option<StoppedBy>,
+    },
     /// All is over; nothing follows.
     Ended(Outcome),
+}
+
+/// What a printer that may be in mid-job says of itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Found {
+    /// It goes on counting: this was the last line that it accepted.
+    Counting {
+        /// Number on the wire.
+        last: u32,
+    },
+    /// It has started anew: what it knew of the job is gone.
+    Started,
+    /// It answers, but says nothing of its last line.
+    NotSaid,
+}
+
+/// What made an emergency stop take effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StoppedBy {
+    /// The firmware obeyed M112.
+    Firmware,
+    /// The board was reset (DTR).
+    Reset,
 }
 
 /// Why a job ends before its last line.

@@ -1,7 +1,7 @@
 //! What goes out, in each phase: our own questions, the job, the safe sequence.
 use super::kind::kind_of;
 use super::settings::*;
-use super::{ASKED_ALL, Closing, Event, Failure, Outcome, Phase, Safety, Session, Then};
+use super::{ASKED_ALL, Event, Failure, Feed, Outcome, Phase, Safety, Session, Then, To};
 use crate::printer::window::{Kind, Tag};
 use outrigger_gcode::checksum::{fit, framed_len, sendable};
 
@@ -23,7 +23,7 @@ impl Session {
             }
             let more = match self.phase {
                 Phase::Identify { asked } => self.identify(asked, now_ms),
-                Phase::Job { closing } => self.push_job(closing, now_ms),
+                Phase::Job => self.push_job(now_ms),
                 Phase::WindDown { interrupt, .. } => self.wind_down(interrupt, now_ms),
                 Phase::Safe { next, until_ms } => self.push_safe(next, until_ms),
                 _ => false,
@@ -38,7 +38,7 @@ impl Session {
     pub(super) fn send_next(&mut self, force: bool, now_ms: u64) -> bool {
         if !matches!(
             self.phase,
-            Phase::Identify { .. } | Phase::Job { .. } | Phase::WindDown { .. } | Phase::Safe { .. }
+            Phase::Identify { .. } | Phase::Job | Phase::WindDown { .. } | Phase::Safe { .. }
         ) {
             return false;
         }
@@ -75,31 +75,70 @@ impl Session {
         self.push_own(command.as_bytes(), Kind::Quick)
     }
 
-    fn push_job(&mut self, closing: Closing, now_ms: u64) -> bool {
+    fn push_job(&mut self, now_ms: u64) -> bool {
         if self.poll(now_ms) {
             return true;
         }
-        if self.pending.full {
-            return self.push_pending(now_ms);
-        }
-        match closing {
-            Closing::No => false,
-            Closing::Drained => {
-                self.phase = Phase::Job { closing: Closing::Settling };
+        match self.feed {
+            Feed::Open => self.pending.full && self.push_pending(now_ms),
+            Feed::Closing(to) => {
+                self.feed = Feed::Settling(to);
                 self.proof_tries = 0;
                 self.push_own(b"M400", Kind::Long)
             }
-            Closing::Settling => {
+            Feed::Settling(to) => {
                 if !self.window.is_idle() {
                     return false;
                 }
                 if self.prove() {
                     return true;
                 }
-                self.end(Outcome::Finished);
-                false
+                match to {
+                    To::End => {
+                        self.end(Outcome::Finished);
+                        false
+                    }
+                    To::Hold => {
+                        self.feed = Feed::Held;
+                        self.tell(Event::Held);
+                        true
+                    }
+                }
             }
+            Feed::Held => self.push_held(),
         }
+    }
+
+    /// The next of our own lines while the job is held.
+    fn push_held(&mut self) -> bool {
+        if !self.own_running {
+            return false;
+        }
+        let Some(line) = self.own.front() else {
+            if !self.window.is_idle() {
+                return false;
+            }
+            if self.prove() {
+                return true;
+            }
+            self.own_running = false;
+            self.tell(Event::OwnDone);
+            return false;
+        };
+        let n = self.window.next();
+        let mut scratch = Vec::new();
+        let command =
+            sendable(line, &mut scratch).and_then(|command| fit(n, command, self.settings.max_line).ok());
+        if let Some(command) = command {
+            if !self.window.has_room(framed_len(n, command.len()) + 1) {
+                return false;
+            }
+            self.answers.unproved();
+            self.proof_tries = 0;
+            self.window.push(command, own(kind_of(command)));
+        }
+        self.own.pop_front();
+        true
     }
 
     /// Pushes an M105 unless the last lines are proved to be accepted (an `ok`
@@ -219,12 +258,7 @@ impl Session {
                 emergency_parser: self.printer.emergency_parser,
             });
         }
-        self.phase = Phase::Job {
-            closing: match self.job_over {
-                true => Closing::Drained,
-                false => Closing::No,
-            },
-        };
+        self.phase = Phase::Job;
     }
 
     pub(super) fn push_own(&mut self, command: &[u8], kind: Kind) -> bool {

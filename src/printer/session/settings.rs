@@ -11,6 +11,11 @@ pub struct Settings {
     /// How long to listen for `start` before speaking first, in ms. A board that
     /// is reset by opening the port needs its boot loader's time; 0 for others.
     pub boot_wait_ms: u64,
+    /// Whether what changes the meaning of line numbers waits for
+    /// [`Session::allow`](super::Session::allow): somebody writes it down first.
+    pub asks: bool,
+    /// Whether a lost port is waited for instead of ending the job.
+    pub waits_for_link: bool,
     /// Lines that make the printer safe after a cancel or a failure.
     pub cancel_macro: Vec<String>,
 }
@@ -22,6 +27,8 @@ impl Default for Settings {
             window: Limit::Bytes(DEFAULT_WINDOW_BYTES),
             max_line: Some(MARLIN_MAX_LINE),
             boot_wait_ms: DEFAULT_BOOT_WAIT_MS,
+            asks: false,
+            waits_for_link: false,
             cancel_macro: Vec::new(),
         }
     }

@@ -104,7 +104,7 @@ impl Session {
     pub(super) fn stall_ms(&self) -> Option<u64> {
         let waiting = matches!(
             self.phase,
-            Phase::Identify { .. } | Phase::Job { .. } | Phase::WindDown { .. } | Phase::Safe { .. }
+            Phase::Identify { .. } | Phase::Job | Phase::WindDown { .. } | Phase::Safe { .. }
         );
         if !waiting || self.answers.is_draining() {
             return None;

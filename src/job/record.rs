@@ -1,0 +1,196 @@
+//! What is written down of a job, and the picture that the records add up to.
+//!
+//! Plain data; how records look on a medium is the journal's matter.
+use super::state::State;
+use std::path::PathBuf;
+
+/// A SHA-256.
+pub type Digest = [u8; 32];
+
+/// What is known of a job from its acceptance on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Accepted {
+    /// The file, absolute.
+    pub path: PathBuf,
+    /// SHA-256 of its bytes.
+    pub digest: Digest,
+    /// Its bytes.
+    pub bytes: u64,
+    /// Lines of it that are sent.
+    pub commands: u64,
+    /// Number of the last of these in the file, from 1.
+    pub last_line: u64,
+    /// Bytes of a chunk of `chunks`, the last may be shorter.
+    pub chunk_bytes: u32,
+    /// The first 16 bytes of the SHA-256 of each chunk.
+    pub chunks: Vec<[u8; 16]>,
+    /// The printer's profile as it was named: a name, or an absolute path.
+    pub profile: String,
+    /// When, in seconds since 1970.
+    pub at_unix_s: u64,
+}
+
+/// How far a job is, as far as the printer has acknowledged it.
+///
+/// A position in a job is a count of its commands: `n` means that the first `n`
+/// lines of the file that are sent (M110 not among them) were acknowledged.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Checkpoint {
+    /// Commands of the file that were acknowledged.
+    pub commands: u64,
+    /// The file's line number of the last of these; 0 before the first.
+    pub line: u64,
+    /// Layers begun, by the file's marks; 0: none, or not marked.
+    pub layer: u32,
+    /// Z after the last of these, mm, in the file's coordinates.
+    pub z_mm: f64,
+    /// Measured and wanted temperature of the active nozzle, °C.
+    pub nozzle_c: [f32; 2],
+    /// The bed's, °C.
+    pub bed_c: [f32; 2],
+}
+
+/// One entry of the journal.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Record {
+    /// The job is accepted. Always the first.
+    Accepted(Accepted),
+    /// A host has opened a port for it.
+    Opened {
+        /// What finds the printer again: a path, or `usb:SERIAL`.
+        port: String,
+        /// Bits per second.
+        baud: u32,
+        /// When, in seconds since 1970.
+        at_unix_s: u64,
+    },
+    /// It is in another state.
+    State(State),
+    /// From now on the line numbered `first` on the wire is the first command of the
+    /// file after `after` commands, and each following number the following
+    /// command, up to the next `Own` or `Numbers`.
+    Numbers {
+        /// Number on the wire.
+        first: u32,
+        /// Commands of the file before it.
+        after: u64,
+    },
+    /// The number `n` is not the file's: commands go on with `n + 1`.
+    Own {
+        /// Number on the wire.
+        n: u32,
+    },
+    /// The count on the wire begins anew and says nothing of the file until the next
+    /// `Numbers`: exactly `after` commands of the file were accepted.
+    Unnumbered {
+        /// Commands of the file.
+        after: u64,
+    },
+    /// How far it is.
+    Checkpoint(Checkpoint),
+    /// The safe sequence ran; the nozzle is now at this height, mm, in the file's
+    /// coordinates, if that is known.
+    MadeSafe {
+        /// Height, mm.
+        z_mm: Option<f64>,
+    },
+    /// What a person should know when looking at the job: a failure's words.
+    Note(String),
+}
+
+/// What all records of a job add up to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Log {
+    /// The job.
+    pub accepted: Accepted,
+    /// Where it is.
+    pub state: State,
+    /// Port and baud of the last host, and when it began.
+    pub opened: Option<(String, u32, u64)>,
+    /// Times that a port was opened for it.
+    pub starts: u32,
+    /// Which command a number on the wire is; `None` before the file's first line.
+    pub numbers: Numbers,
+    /// How far it is.
+    pub checkpoint: Checkpoint,
+    /// The last safe sequence, if nothing moved since.
+    pub made_safe: Option<Option<f64>>,
+    /// The last note.
+    pub note: Option<String>,
+}
+
+/// Which command of the file a number on the wire is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Numbers {
+    /// Numbers say nothing; so many commands of the file were accepted.
+    Nothing {
+        /// Commands of the file.
+        after: u64,
+    },
+    /// Numbers from `first` on are the file's, but for those in `own`.
+    Job {
+        /// Number on the wire.
+        first: u32,
+        /// Commands of the file before it.
+        after: u64,
+        /// Numbers that are not the file's, ascending.
+        own: Vec<u32>,
+    },
+}
+
+impl Numbers {
+    /// How many commands of the file a printer has accepted whose last line was `last`;
+    /// `None` for a number that the job cannot have come to.
+    pub fn commands_through(&self, last: u32) -> Option<u64> {
+        match self {
+            Numbers::Nothing { after } => Some(*after),
+            Numbers::Job { first, after, own } => {
+                let sent = (u64::from(last) + 1).checked_sub(u64::from(*first))?;
+                let ours = own.iter().filter(|n| **n <= last).count() as u64;
+                Some(after + sent.saturating_sub(ours))
+            }
+        }
+    }
+}
+
+impl Log {
+    /// The picture after the first record.
+    pub fn new(accepted: Accepted) -> Self {
+        Self {
+            accepted,
+            state: State::Accepted,
+            opened: None,
+            starts: 0,
+            numbers: Numbers::Nothing { after: 0 },
+            checkpoint: Checkpoint::default(),
+            made_safe: None,
+            note: None,
+        }
+    }
+
+    /// The picture after one more record.
+    pub fn apply(&mut self, record: &Record) {
+        match record {
+            // Only the first record is one; a second changes nothing.
+            Record::Accepted(_) => {}
+            Record::Opened { port, baud, at_unix_s } => {
+                self.opened = Some((port.clone(), *baud, *at_unix_s));
+                self.starts += 1;
+            }
+            Record::State(state) => self.state = *state,
+            Record::Numbers { first, after } => {
+                self.numbers = Numbers::Job { first: *first, after: *after, own: Vec::new() };
+                self.made_safe = None;
+            }
+            Record::Own { n } => {
+                if let Numbers::Job { own, .. } = &mut self.numbers {
+                    own.push(*n);
+                }
+            }
+            Record::Unnumbered { after } => self.numbers = Numbers::Nothing { after: *after },
+            Record::Checkpoint(checkpoint) => self.checkpoint = *checkpoint,
+            Record::MadeSafe { z_mm } => self.made_safe = Some(*z_mm),
+            Record::Note(text) => self.note = Some(text.clone()),
+        }
+    }
+}
