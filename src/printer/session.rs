@@ -27,6 +27,7 @@
 //! unnumbered probe proves only that the printer lives, and has no checksum: one
 //! wrong bit makes M107 of it, which stops the fan. Only what must overtake the queue
 //! (M108, M112, M410, M876) goes without a number.
+mod adapt;
 mod answers;
 mod asks;
 mod emergency;
@@ -179,6 +180,7 @@ pub struct Session {
     job_acked: u64,
     lines_sent: u64,
     answers: answers::Answers,
+    growth: adapt::Growth,
     stall: stall::Stall,
     poll_ms: u64,
     proof_tries: u32,
@@ -188,6 +190,7 @@ impl Session {
     /// A session over a port that was opened at `now_ms`.
     pub fn new(settings: Settings, now_ms: u64) -> Self {
         let window = Window::new(settings.window);
+        let growth = adapt::Growth::new(settings.window);
         Self {
             phase: settings.boot(now_ms),
             settings,
@@ -212,6 +215,7 @@ impl Session {
             job_acked: 0,
             lines_sent: 0,
             answers: answers::Answers::default(),
+            growth,
             stall: stall::Stall::new(now_ms),
             poll_ms: now_ms,
             proof_tries: 0,
@@ -372,7 +376,8 @@ impl Session {
         self.events.pop_front()
     }
 
-    /// Last line of the file that the printer acknowledged; 0 before the first.
+    /// Last line of the file that the printer acknowledged; 0 before the first that this
+    /// session has sent: what a taken-over printer had before, the caller knows.
     pub fn job_acked(&self) -> u64 {
         self.job_acked
     }

@@ -73,6 +73,8 @@ struct Entry {
 #[derive(Debug)]
 pub struct Window {
     limit: Limit,
+    /// So many bytes more than the limit may be in flight for now.
+    extra_bytes: usize,
     bytes: VecDeque<u8>,
     entries: VecDeque<Entry>,
     first: u32,
@@ -90,6 +92,7 @@ impl Window {
     pub fn new(limit: Limit) -> Self {
         Self {
             limit,
+            extra_bytes: 0,
             bytes: VecDeque::with_capacity(HISTORY_BYTES * 2),
             entries: VecDeque::with_capacity(HISTORY_LINES * 2),
             first: 1,
@@ -180,6 +183,11 @@ impl Window {
         Some(framed.copied().collect())
     }
 
+    /// Lets so many bytes more than the limit be in flight, until it is set anew.
+    pub fn set_extra(&mut self, bytes: usize) {
+        self.extra_bytes = bytes;
+    }
+
     /// Whether a line of `len` bytes, line feed included, may go now.
     ///
     /// One line always may when nothing is in flight: a long Klipper line would
@@ -188,7 +196,7 @@ impl Window {
         let lines = (self.cursor - self.acked) as usize;
         lines == 0
             || match self.limit {
-                Limit::Bytes(max) => self.in_flight_bytes + len <= max,
+                Limit::Bytes(max) => self.in_flight_bytes + len <= max + self.extra_bytes,
                 Limit::Lines(max) => lines < max,
             }
     }

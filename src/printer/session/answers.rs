@@ -21,6 +21,11 @@ pub(super) struct Answers {
     pub(super) odd_requests: u32,
     pub(super) resends: u64,
     pub(super) warned: bool,
+    /// `ok`s since the last that said of which line it was. One lost makes the window
+    /// narrower by a line, for ever.
+    pub(super) bare_oks: u32,
+    /// A line came that may have been an `ok`.
+    pub(super) suspects: bool,
     /// `start`s before the handshake was through.
     starts: u32,
 }
@@ -89,6 +94,12 @@ impl Answers {
         (self.resend_line, self.resend_rounds, self.odd_requests) = (0, 0, 0);
     }
 
+    /// It is known which line was acknowledged: no `ok` is missing.
+    pub(super) fn in_step(&mut self) {
+        self.bare_oks = 0;
+        self.suspects = false;
+    }
+
     pub(super) fn unproved(&mut self) {
         self.proved = false;
     }
@@ -133,7 +144,11 @@ impl Session {
             Reply::Action(action) => self.on_action(action),
             Reply::UnknownCommand(text) => self.tell(Event::UnknownCommand(lossy(text))),
             Reply::Error(text) => self.tell(Event::PrinterError(lossy(text))),
-            Reply::Note(text) | Reply::Other(text) => self.on_note(text),
+            Reply::Note(text) => self.on_note(text),
+            Reply::Other(text) => {
+                self.answers.suspects |= may_have_been_ok(text);
+                self.on_note(text);
+            }
         }
         if let Phase::Boot { speak_ms, latest_ms } = &mut self.phase {
             // While the printer still prints its settings, it would not listen.
@@ -159,6 +174,7 @@ impl Session {
         if bare && self.person.takes_ok(self.window.acked()) {
             return self.stall.progress(now_ms);
         }
+        self.growth.on_ok(&ack, self.pending.full);
         let before = self.window.acked();
         let asked = self.window.find_in_flight(Kind::AskTemperature);
         match (ack.line, ack.temperatures.and(asked)) {
@@ -166,15 +182,18 @@ impl Session {
                 self.window.ack_through(n);
                 self.proved_through = self.proved_through.max(n);
                 self.answers.proved = self.window.is_idle() && self.window.all_sent();
+                self.answers.in_step();
             }
             // A number below the flight was acknowledged by a later one already;
             // one beyond it is garbled, but an `ok` all the same.
             (Some(n), None) if n < self.window.cursor() => {
                 self.window.ack_through(n);
                 self.proved_through = self.proved_through.max(n);
+                self.answers.in_step();
             }
             _ => {
                 self.window.ack_one();
+                self.answers.bare_oks += 1;
             }
         }
         if self.window.acked() != before {
@@ -235,6 +254,12 @@ impl Session {
             self.probe(now_ms);
         }
     }
+}
+
+/// Whether a line without a class may have been an `ok` before noise came over it: a
+/// byte or two like it, or `ok` run into the next line.
+fn may_have_been_ok(text: &[u8]) -> bool {
+    text.len() <= 4 || text.starts_with(b"ok") || text.iter().any(|b| !(b' '..=b'~').contains(b))
 }
 
 /// The printer's bytes as text; what is no UTF-8 becomes a replacement mark.

@@ -102,6 +102,7 @@ impl Session {
 
     fn number_own(&mut self, command: &[u8], kind: Kind) -> bool {
         self.answers.unproved();
+        self.window.set_extra(0);
         self.window.push(command, Tag { job_line: 0, kind })
     }
 

@@ -41,6 +41,8 @@ impl Session {
         self.answers.odd_requests = 0;
         self.window.rewind(n);
         self.person.forget_strays_after(n);
+        self.growth.on_resend();
+        self.window.set_extra(0);
         if n == self.window.next() {
             // Nothing is missing (M999 asks so).
             return;

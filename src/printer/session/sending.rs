@@ -84,7 +84,7 @@ impl Session {
     }
 
     fn push_job(&mut self, now_ms: u64) -> bool {
-        if self.poll(now_ms) {
+        if self.poll(now_ms) || (self.feed == Feed::Open && self.pending.full && self.resync()) {
             return true;
         }
         if matches!(self.feed, Feed::Open | Feed::Held) && !self.own_running && self.push_command() {
@@ -177,10 +177,24 @@ impl Session {
         }
         self.poll_ms = now_ms + POLL_MS;
         let len = framed_len(self.window.next(), 4) + 1;
-        let waits = self.window.in_flight().any(|tag| tag.kind != Kind::Quick);
-        if waits || !self.window.has_room(len) {
+        if self.slow_in_flight() || !self.window.has_room(len) {
             return false;
         }
+        self.push_own(b"M105", Kind::AskTemperature)
+    }
+
+    fn slow_in_flight(&self) -> bool {
+        self.window.in_flight().any(|tag| tag.kind != Kind::Quick)
+    }
+
+    /// An M105, whose `ok` tells which lines are done, where one may have been lost:
+    /// the window would stay narrower by a line each time.
+    fn resync(&mut self) -> bool {
+        let due = self.answers.suspects || self.answers.bare_oks >= RESYNC_OKS;
+        if !due || self.slow_in_flight() || !self.window.has_room(framed_len(self.window.next(), 4) + 1) {
+            return false;
+        }
+        self.answers.in_step();
         self.push_own(b"M105", Kind::AskTemperature)
     }
 
@@ -199,10 +213,16 @@ impl Session {
                 return false;
             }
         };
+        let kind = kind_of(fitted);
+        // Behind a command that takes its time the printer stops reading.
+        let extra_bytes = match self.growth.extra_bytes() {
+            extra if extra > 0 && kind == Kind::Quick && !self.slow_in_flight() => extra,
+            _ => 0,
+        };
+        self.window.set_extra(extra_bytes);
         if !self.window.has_room(framed_len(n, fitted.len()) + 1) {
             return false;
         }
-        let kind = kind_of(fitted);
         if !self.window.push(fitted, Tag { job_line, kind }) {
             return self.renumber(now_ms);
         }

@@ -77,6 +77,13 @@ pub(super) const DRAIN_MAX_MS: u64 = 500;
 /// lost. Busy notes come every 2 s.
 pub(super) const PROBE_AFTER_MS: u64 = 3_000;
 
+/// The same, where a line came that may have been an `ok`: the probe is wanted sooner.
+pub(super) const SUSPECT_AFTER_MS: u64 = 500;
+
+/// `ok`s that do not say of which line they are, until an M105 is put between the job's
+/// lines: a lost one must not narrow the window for longer. One line in 2,000.
+pub(super) const RESYNC_OKS: u32 = 2_000;
+
 /// Patience with G28, G29, M109 and the like in flight: firmware without busy
 /// notes heats a large bed for that long.
 pub(super) const LONG_COMMAND_MS: u64 = 10 * 60_000;

@@ -91,7 +91,7 @@ impl Stall {
 
     /// How long to wait for the next sign with such a command in flight; `None`:
     /// as long as it takes.
-    fn patience_ms(&self, slowest: Kind) -> Option<u64> {
+    fn patience_ms(&self, slowest: Kind, suspects: bool) -> Option<u64> {
         let after_busy = match self.last_busy_ms {
             Some(_) => 3 * self.busy_gap_ms,
             None => 0,
@@ -99,6 +99,7 @@ impl Stall {
         let wait = match (self.timeouts, slowest) {
             // The first probe is early whatever runs: it does no harm in the
             // queue, and finds a lost `ok` even of G28.
+            (0, _) if suspects => SUSPECT_AFTER_MS,
             (0, _) => PROBE_AFTER_MS,
             (_, Kind::User) => return None,
             // A firmware that says when it is busy says so during these.
@@ -122,7 +123,7 @@ impl Session {
             return None;
         }
         let slowest = self.window.in_flight().map(|tag| tag.kind).max()?;
-        let patience_ms = self.stall.patience_ms(slowest)?;
+        let patience_ms = self.stall.patience_ms(slowest, self.answers.suspects)?;
         Some(self.stall.progress_ms + patience_ms)
     }
 
@@ -142,6 +143,7 @@ impl Session {
             self.fail(Failure::Timeouts { job_line, timeouts }, now_ms);
             return;
         }
+        self.answers.suspects = false;
         self.stall.timeouts = timeouts;
         self.stall.progress_ms = now_ms;
         self.tell(Event::Probed { timeouts });

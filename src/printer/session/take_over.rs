@@ -84,7 +84,9 @@ impl Session {
     /// acknowledged.
     ///
     /// In a fresh session, which has no window, the next line gets the number after `last`;
-    /// M115 and M155 go first, as lines of our own.
+    /// M115 and M155 go first, as lines of our own. The caller has written down before that
+    /// the job counts on from there: a line that the dead host was allowed to number, and
+    /// never sent, has left its trace in what was written before.
     ///
     /// `false`, and nothing changed, when that cannot be: lines up to `last` are not known to
     /// have been sent, or lines beyond it are proved to have been accepted: the printer

@@ -69,6 +69,8 @@ struct Host {
     journal: Journal,
     fed: u64,
     begun: bool,
+    /// Lines that were accepted when this session took over.
+    taken_at: u64,
     /// Lines that were acknowledged when it broke last.
     acked: u64,
     breaks: VecDeque<Break>,
@@ -112,6 +114,7 @@ impl Host {
             journal: Journal::default(),
             fed: 0,
             begun: false,
+            taken_at: 0,
             acked: 0,
             breaks,
             back_ms: None,
@@ -196,7 +199,7 @@ impl Host {
         match ask {
             Ask::Own { n } => self.journal.own.push(n),
             Ask::Renumber => {
-                let after = self.wire.session.job_acked();
+                let after = self.taken_at.max(self.wire.session.job_acked());
                 self.journal = Journal { first: None, after, own: Vec::new() };
             }
             Ask::Count { n } => {
@@ -223,7 +226,7 @@ impl Host {
             self.wire.firmware.receive(line);
         }
         self.wire.session.written(part);
-        self.acked = self.wire.session.job_acked();
+        self.acked = self.taken_at.max(self.wire.session.job_acked());
         self.wire.session.link_lost("unplugged".into());
         self.back_ms = Some((now_ms + strike.for_ms, strike.what));
     }
@@ -234,7 +237,8 @@ impl Host {
         match &event {
             Event::Connected { .. } => session.hold(now_ms),
             Event::Held => {
-                self.journal = Journal { first: None, after: session.job_acked(), own: Vec::new() };
+                self.journal =
+                    Journal { first: None, after: self.taken_at.max(session.job_acked()), own: Vec::new() };
                 self.own_lines += 3;
                 session.run_own(["M17", "G4 P1", "M18"], now_ms);
             }
@@ -251,16 +255,13 @@ impl Host {
                 }
                 if fresh {
                     self.fed = self.journal.commands_through(*last);
+                    self.taken_at = self.fed;
                     self.release_ms = None;
+                    // A number that was asked for may never have been used.
+                    self.journal.numbers(*last + 1, self.fed);
                 }
                 if !session.go_on(*last, now_ms) {
                     self.found = Some(Found::Started);
-                }
-            }
-            Event::Rejoined { .. } if self.journal.first.is_none() => {
-                // After a death while held; the rest of our lines is forgotten.
-                if session.wants_line() {
-                    self.journal.numbers(session.next_number(), self.journal.after);
                 }
             }
             Event::Found(found) => self.found = Some(*found),
