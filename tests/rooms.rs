@@ -46,7 +46,7 @@ const ONLY: &[(&str, &[&str])] = &[
         "std::fs",
         &["src/cli/", "src/job/disk.rs", "src/printer/", "src/profile", "src/layers/from_gcode/tests.rs"],
     ),
-    ("std::time::Instant", &["src/cli/", "src/printer/port.rs", "src/printer/drive.rs", "src/printer/mock/"]),
+    ("std::time::Instant", &["src/cli/", "src/printer/port.rs", "src/printer/mock/"]),
 ];
 
 fn sources() -> Vec<(String, String)> {

@@ -168,6 +168,14 @@ impl Port {
         }
     }
 
+    /// Drops what the system has not sent yet.
+    pub fn flush_output(&self) {}
+
+    /// Resets the board.
+    pub async fn reset_board(&mut self) -> Result<(), PortError> {
+        Err(self.gone())
+    }
+
     fn error(&self, source: io::Error) -> PortError {
         // A hung-up terminal reads EIO, an unplugged adapter ENXIO or ENODEV.
         let hung_up = matches!(source.raw_os_error(), Some(5 | 6 | 19))
