@@ -22,3 +22,4 @@ pub mod run;
 pub mod scribe;
 pub mod state;
 pub mod storage;
+pub mod tracker;
