@@ -3,6 +3,7 @@
 //! The whole file is checked before the first line goes out. Ctrl-C (or SIGTERM,
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
+mod cases;
 mod escape;
 mod job;
 mod keys;
@@ -21,6 +22,7 @@ use crate::job::run::{Reopen, Wires, run as run_host};
 use crate::printer::job_file::Reader;
 use crate::printer::mock;
 use crate::printer::port::Port;
+use crate::profile::printer::HardStop;
 use crate::profile::{Profile, load_printer};
 use anyhow::Context;
 use keys::Keys;
@@ -204,7 +206,16 @@ pub(super) async fn print(
     }
     let place = Place { device: printing.device, baud: printing.baud };
     let mut host = Host::new(settings::of(profile, printing.macros), file, &Begin::Fresh, 0);
-    let wires = Wires { port, reopen: &place, scribe: None, mail: letters.mail, watcher: &mut show, started };
+    let hard_stop = profile.serial.hard_stop() == HardStop::Dtr;
+    let wires = Wires {
+        port,
+        hard_stop,
+        reopen: &place,
+        scribe: None,
+        mail: letters.mail,
+        watcher: &mut show,
+        started,
+    };
     let end = run_host(&mut host, wires).await;
     show.finish();
     verdict::verdict(&printing.name, end, &show)

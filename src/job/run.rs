@@ -10,6 +10,7 @@
 //! they are, and the user is told. Nobody may resume until the records are kept, for
 //! what goes on without them could later be printed twice. The thread goes on trying.
 use super::host::{Host, HostEvent, PortWish, Request};
+use super::recover::Plan;
 use super::scribe::Scribe;
 use crate::printer::port::{Moved, Port, PortError};
 use crate::printer::session::Outcome;
@@ -65,6 +66,8 @@ pub trait Watcher {
     /// Lines of the file up to this one are acknowledged. Called after every
     /// exchange with the printer, so it must cost next to nothing.
     fn acknowledged(&mut self, job_line: u64);
+    /// The way back into the job, which waits for a person's word.
+    fn planned(&mut self, _plan: &Plan) {}
 }
 
 /// Opens the printer's port again once it is back. May be dropped at any time.
@@ -77,6 +80,8 @@ pub trait Reopen {
 pub struct Wires<'a, W> {
     /// The printer's port, open since `started`.
     pub port: Port,
+    /// Whether DTR resets the board, for an emergency stop that was not heard.
+    pub hard_stop: bool,
     /// What finds it again.
     pub reopen: &'a dyn Reopen,
     /// Who writes records down; `None`: nobody, and the host goes on as if they were kept.
@@ -128,9 +133,9 @@ impl Link {
 /// Dropping the future abandons the job where it is: the caller then tells that
 /// heaters may be on.
 pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>) -> End {
-    let Wires { port, reopen, scribe, mut mail, watcher, started } = wires;
+    let Wires { port, hard_stop, reopen, scribe, mut mail, watcher, started } = wires;
     let mut link = Link::Open(port);
-    let mut run = Run { book: Book::new(scribe), watcher, started, over_at: None };
+    let mut run = Run { book: Book::new(scribe), hard_stop, watcher, started, over_at: None };
     let mut input = [0_u8; READ_BYTES];
     let mut timer = pin!(sleep_until(started));
     let mut mail_open = true;
@@ -181,6 +186,7 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
 /// What a run needs beside the host and its port.
 struct Run<'a, W> {
     book: Book,
+    hard_stop: bool,
     watcher: &'a mut W,
     started: Instant,
     over_at: Option<Instant>,
@@ -191,6 +197,11 @@ impl<W: Watcher> Run<'_, W> {
         self.watcher.acknowledged(host.position().line);
         while let Some(event) = host.poll_event() {
             self.watcher.event(&event);
+            if event == HostEvent::Planned
+                && let Some(plan) = host.plan()
+            {
+                self.watcher.planned(plan);
+            }
         }
     }
 
@@ -221,7 +232,7 @@ impl<W: Watcher> Run<'_, W> {
             }
             PortWish::HardStop => {
                 let done = match link {
-                    Link::Open(port) => port.reset_board().await.is_ok(),
+                    Link::Open(port) if self.hard_stop => port.reset_board().await.is_ok(),
                     _ => false,
                 };
                 host.hard_stopped(done, now_ms(self.started));
@@ -246,7 +257,9 @@ impl<W: Watcher> Run<'_, W> {
                     && let Link::Open(port) = link
                 {
                     // What the system has not sent yet would delay M112.
-                    port.flush_output();
+                    if let Err(e) = port.flush_output() {
+                        self.watcher.event(&HostEvent::Told(e.to_string()));
+                    }
                 }
                 host.request(request, now_ms);
             }

@@ -1,8 +1,8 @@
 //! The thread that writes a job's records down, so that a slow disk holds up nothing.
 //!
 //! Takes records in order, appends all that wait, syncs once for all of them, and tells
-//! how many are kept. A medium that refuses is tried again and again; nothing is left out. Knows no
-//! host and no port.
+//! how many are kept. A medium that refuses is tried again and again;
+//! nothing is left out. Knows no host and no port.
 use super::record::Record;
 use super::run::Mail;
 use std::io;
@@ -15,23 +15,14 @@ const RETRY: Duration = Duration::from_secs(2);
 
 /// Where records go.
 pub trait Keep: Send + 'static {
-    /// Takes records; they are kept only after a [`Keep::sync`].
-    ///
-    /// # Errors
-    /// The medium's. The records are given again after [`Keep::mend`].
-    fn append(&mut self, records: &[Record]) -> io::Result<()>;
+    /// Takes a record; it is kept only after a [`Keep::sync`].
+    fn append(&mut self, record: &Record);
 
     /// Returns once all that was appended is on the medium.
     ///
     /// # Errors
-    /// The medium's. What was appended since the last sync is given again after [`Keep::mend`].
-    fn sync(&mut self) -> io::Result<()>;
-
-    /// Brings the medium to all that was synced and nothing else.
-    ///
-    /// # Errors
-    /// The medium's; it is tried again.
-    fn mend(&mut self) -> io::Result<()>;
+    /// The medium's, in words. Called again until it succeeds; nothing is appended anew.
+    fn sync(&mut self) -> Result<(), String>;
 }
 
 /// The thread's handle. Dropped, the thread ends after what it was given.
@@ -104,15 +95,14 @@ fn write_all(mut keep: impl Keep, desk: &Desk, tell: &mpsc::Sender<Mail>, retry:
             }
             std::mem::take(&mut tray.waiting)
         };
-        let mut done = keep.append(&batch).and_then(|()| keep.sync());
-        while let Err(e) = done {
+        batch.iter().for_each(|record| keep.append(record));
+        while let Err(reason) = keep.sync() {
             // Nobody is left who would wait for it.
-            if desk.lock().closed || tell.blocking_send(Mail::Unkept(e.to_string())).is_err() {
+            if desk.lock().closed || tell.blocking_send(Mail::Unkept(reason)).is_err() {
                 return;
             }
             let tray = desk.lock();
             drop(desk.filled.wait_timeout_while(tray, retry, |t| !t.closed));
-            done = keep.mend().and_then(|()| keep.append(&batch)).and_then(|()| keep.sync());
         }
         kept += batch.len() as u64;
         if tell.blocking_send(Mail::Kept(kept)).is_err() {
@@ -126,45 +116,24 @@ mod tests {
     use super::*;
     use crate::job::run::mailbox;
 
-    /// A medium that refuses as many calls as it is told, whatever they are.
+    /// A medium that refuses the first so many syncs.
     struct Stubborn {
         refusals: usize,
         appended: Vec<Record>,
-        synced: usize,
         shown: std::sync::mpsc::Sender<Vec<Record>>,
     }
 
-    impl Stubborn {
-        fn call(&mut self) -> io::Result<()> {
-            match self.refusals {
-                0 => Ok(()),
-                _ => {
-                    self.refusals -= 1;
-                    Err(io::Error::other("full"))
-                }
-            }
-        }
-    }
-
     impl Keep for Stubborn {
-        fn append(&mut self, records: &[Record]) -> io::Result<()> {
-            // Half of a refused batch may be there.
-            self.appended.extend_from_slice(&records[..records.len() / 2]);
-            self.call()?;
-            self.appended.extend_from_slice(&records[records.len() / 2..]);
-            Ok(())
+        fn append(&mut self, record: &Record) {
+            self.appended.push(record.clone());
         }
 
-        fn sync(&mut self) -> io::Result<()> {
-            self.call()?;
-            self.synced = self.appended.len();
+        fn sync(&mut self) -> Result<(), String> {
+            if self.refusals > 0 {
+                self.refusals -= 1;
+                return Err("full".to_owned());
+            }
             let _ = self.shown.send(self.appended.clone());
-            Ok(())
-        }
-
-        fn mend(&mut self) -> io::Result<()> {
-            self.call()?;
-            self.appended.truncate(self.synced);
             Ok(())
         }
     }
@@ -178,7 +147,7 @@ mod tests {
     fn check(refusals: usize) {
         let (tell, mut told) = mailbox();
         let (shown, show) = std::sync::mpsc::channel();
-        let keep = Stubborn { refusals, appended: Vec::new(), synced: 0, shown };
+        let keep = Stubborn { refusals, appended: Vec::new(), shown };
         let scribe = Scribe::with_retry(keep, tell, Duration::from_millis(1)).unwrap();
         for n in 0..10 {
             scribe.write(note(n));

@@ -1,8 +1,11 @@
 //! What a host needs of a printer's profile, as plain values.
 use crate::job::host::HostSettings;
+use crate::job::recover::ResumeRules;
+use crate::job::tracker::EModes;
 use crate::printer::session::{DEFAULT_BOOT_WAIT_MS, Settings};
 use crate::printer::window::Limit;
-use crate::profile::{Macro, Profile, printer::Window};
+use crate::profile::printer::{Firmware, Window};
+use crate::profile::{Macro, Profile};
 use outrigger_gcode::checksum::sendable;
 
 /// A board that opening the port does not reset may have been switched on just now; one that
@@ -42,6 +45,33 @@ pub(in crate::cli) fn of(profile: &Profile, around: bool) -> HostSettings {
         start_macro: when(&profile.macros.start),
         end_macro: when(&profile.macros.end),
         pause_macro: lines(&profile.macros.pause),
+        resume: resume(profile),
+        e_modes: match profile.firmware {
+            Firmware::Marlin => EModes::WithAxes,
+            Firmware::Prusa | Firmware::Klipper | Firmware::Repetier | Firmware::RepRapFirmware => {
+                EModes::Alone
+            }
+        },
+        pause_cooling: None,
+        waits_for_person: false,
+    }
+}
+
+/// A profile that says nothing of resuming refuses it, by the rules' default.
+fn resume(profile: &Profile) -> ResumeRules {
+    let Some(said) = &profile.resume else { return ResumeRules::default() };
+    ResumeRules {
+        homes_xy_alone: said.homes_xy_alone,
+        homing_clears_part: said.homing_clears_part,
+        raise_mm: said.raise_mm.0,
+        // A temperature has some digits only.
+        soften_c: said.soften_c.0 as f32,
+        planner_moves: said.planner_moves,
+        queue_commands: said.queue_commands,
+        z_set: lines(&said.z_set),
+        home: lines(&said.home),
+        levelling: lines(&said.levelling),
+        prime: lines(&said.prime),
     }
 }
 

@@ -3,6 +3,7 @@
 //! Takes the session's events and the lines that are acknowledged. All goes to
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
+use super::cases;
 use super::escape::printable;
 use super::marks::{Facts, Marks};
 use crate::job::host::HostEvent;
@@ -240,6 +241,8 @@ impl Watcher for Show {
             HostEvent::Session(event) => self.session(event),
             HostEvent::Refused(why) => self.say(&format!("not done: {why}")),
             HostEvent::Told(words) => self.say(&printable(words)),
+            HostEvent::Case(case) => self.say(&cases::words(case)),
+            HostEvent::Planned => {}
         }
     }
 
