@@ -15,7 +15,10 @@
 //! Invariant: [`state`], [`record`], [`tracker`], [`host`] and [`recover`] are pure;
 //! [`journal`] reaches a medium through [`storage`] alone. Only [`run`] and [`scribe`] know threads and
 //! a clock.
+pub mod digest;
+pub mod disk;
 pub mod host;
+pub mod journal;
 pub mod record;
 pub mod recover;
 pub mod run;
