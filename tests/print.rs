@@ -201,6 +201,7 @@ fn no_printer_is_told() {
     fs::write(&job, "G28\n").unwrap();
     let out = output(
         Command::new(BINARY)
+            .env("OUTRIGGER_STATE", folder.path().join("state"))
             .arg("print")
             .arg(&job)
             .args(["--port", "/nowhere/tty"])
@@ -220,6 +221,7 @@ fn the_port_mock_brings_its_own_printer() {
     fs::write(&job, moves(200)).unwrap();
     let out = output(
         Command::new(BINARY)
+            .env("OUTRIGGER_STATE", folder.path().join("state"))
             .arg("print")
             .arg(&job)
             .args(["--port", "mock", "--mock-speed", "1000"])

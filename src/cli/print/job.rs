@@ -105,10 +105,7 @@ impl Job {
     ///
     /// # Errors
     /// The file cannot be read from its beginning.
-    pub(in crate::cli) fn lines(
-        &self,
-        marks: Rc<RefCell<Marks>>,
-    ) -> anyhow::Result<impl Source + use<>> {
+    pub(in crate::cli) fn lines(&self, marks: Rc<RefCell<Marks>>) -> anyhow::Result<impl Source + use<>> {
         let mut file = self.file.try_clone()?;
         file.seek(SeekFrom::Start(0))?;
         let read_marks = Rc::clone(&marks);

@@ -135,8 +135,10 @@ impl Show {
     fn status(&self) -> String {
         let marks = self.marks.borrow();
         let mut parts = Vec::with_capacity(4);
-        if self.facts.layers > 0 {
-            parts.push(format!("layer {}/{}", marks.layer, self.facts.layers));
+        match (self.facts.layers, marks.layer) {
+            (0, 0) => {}
+            (0, layer) => parts.push(format!("layer {layer}")),
+            (layers, layer) => parts.push(format!("layer {layer}/{layers}")),
         }
         if let Some(t) = &self.temperatures {
             parts.extend(reading("nozzle", t.hotend()));
