@@ -10,6 +10,7 @@ mod job;
 mod keys;
 mod letters;
 mod marks;
+mod news;
 mod place;
 pub(super) mod settings;
 mod show;

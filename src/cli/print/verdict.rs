@@ -39,6 +39,7 @@ pub(super) fn verdict(
         End::Over(Outcome::Stopped { ending, safety }) => {
             let why = match ending {
                 Ending::Cancelled => "cancelled".to_owned(),
+                Ending::EmergencyStop => "emergency stop".to_owned(),
                 Ending::Failed(failure) => printable(&failure.to_string()),
             };
             bail!("{name}: {why}; {}{}", after(*safety), next(id, state))
