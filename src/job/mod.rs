@@ -21,3 +21,4 @@ pub mod record;
 pub mod recover;
 pub mod state;
 pub mod storage;
+pub mod tracker;
