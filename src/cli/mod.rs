@@ -7,6 +7,7 @@ mod check;
 mod demo;
 mod files;
 mod interrupt;
+mod jobs;
 mod mock;
 mod picture;
 mod post;
@@ -34,6 +35,7 @@ enum Verb {
     Check(check::Args),
     Post(post::Args),
     Print(print::Args),
+    Jobs(jobs::Args),
     Mock(mock::Args),
     Profile(profile::Args),
 }
@@ -46,6 +48,7 @@ pub fn main() -> ExitCode {
         Verb::Check(args) => check::run(&args),
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
+        Verb::Jobs(args) => jobs::run(args),
         Verb::Mock(args) => mock::run(args),
         Verb::Profile(args) => profile::run(args),
     };

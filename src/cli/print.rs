@@ -3,7 +3,7 @@
 //! The whole file is checked before the first line goes out. Ctrl-C (or SIGTERM,
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
-mod escape;
+pub(super) mod escape;
 mod marks;
 mod show;
 
