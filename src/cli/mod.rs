@@ -8,6 +8,7 @@ mod demo;
 mod files;
 mod guard;
 mod interrupt;
+mod jobs;
 mod mock;
 mod picture;
 mod post;
@@ -35,6 +36,7 @@ enum Verb {
     Check(check::Args),
     Post(post::Args),
     Print(print::Args),
+    Jobs(jobs::Args),
     Mock(mock::Args),
     Guard(guard::Args),
     Profile(profile::Args),
@@ -48,6 +50,7 @@ pub fn main() -> ExitCode {
         Verb::Check(args) => check::run(&args),
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
+        Verb::Jobs(args) => jobs::run(args),
         Verb::Mock(args) => mock::run(args),
         Verb::Guard(args) => guard::run(&args),
         Verb::Profile(args) => profile::run(args),

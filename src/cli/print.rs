@@ -4,7 +4,7 @@
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
 mod cases;
-mod escape;
+pub(super) mod escape;
 mod folder;
 mod job;
 mod keys;

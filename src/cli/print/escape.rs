@@ -9,7 +9,7 @@ const MAX_CHARS: usize = 300;
 
 /// The text with every character that is not plainly printable written as
 /// `\u{1b}`, and cut at [`MAX_CHARS`].
-pub(super) fn printable(text: &str) -> String {
+pub(in crate::cli) fn printable(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for (at, c) in text.chars().enumerate() {
         if at == MAX_CHARS {
