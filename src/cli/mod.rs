@@ -4,15 +4,19 @@
 //! Exit codes: 0 done; 1 the file or the printer is at fault (one clear line on
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
 mod check;
+mod console;
 mod demo;
+mod escape;
 mod files;
 mod interrupt;
 mod mock;
 mod picture;
+mod ports;
 mod post;
 mod print;
 mod profile;
 mod progress;
+mod serial;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -34,6 +38,8 @@ enum Verb {
     Check(check::Args),
     Post(post::Args),
     Print(print::Args),
+    Console(console::Args),
+    Ports(ports::Args),
     Mock(mock::Args),
     Profile(profile::Args),
 }
@@ -46,6 +52,8 @@ pub fn main() -> ExitCode {
         Verb::Check(args) => check::run(&args),
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
+        Verb::Console(args) => console::run(&args),
+        Verb::Ports(args) => ports::run(&args),
         Verb::Mock(args) => mock::run(args),
         Verb::Profile(args) => profile::run(args),
     };

@@ -3,10 +3,10 @@
 //! The whole file is checked before the first line goes out. Ctrl-C (or SIGTERM,
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
-mod escape;
 mod marks;
 mod show;
 
+use super::escape;
 use crate::printer::drive::drive;
 use crate::printer::job_file::{Checked, Reader, check};
 use crate::printer::mock;
