@@ -5,16 +5,19 @@
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
 mod check;
 mod demo;
+mod escape;
 mod files;
 mod guard;
 mod interrupt;
 mod jobs;
 mod mock;
 mod picture;
+mod ports;
 mod post;
 mod print;
 mod profile;
 mod progress;
+mod serial;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -37,6 +40,7 @@ enum Verb {
     Post(post::Args),
     Print(print::Args),
     Jobs(jobs::Args),
+    Ports(ports::Args),
     Mock(mock::Args),
     Guard(guard::Args),
     Profile(profile::Args),
@@ -51,6 +55,7 @@ pub fn main() -> ExitCode {
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
         Verb::Jobs(args) => jobs::run(args),
+        Verb::Ports(args) => ports::run(&args),
         Verb::Mock(args) => mock::run(args),
         Verb::Guard(args) => guard::run(&args),
         Verb::Profile(args) => profile::run(args),

@@ -4,14 +4,12 @@
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
 mod cases;
-pub(super) mod escape;
 mod folder;
 mod job;
 mod keys;
 mod letters;
 mod marks;
 mod news;
-mod place;
 pub(super) mod settings;
 mod show;
 mod verdict;
@@ -20,19 +18,21 @@ mod words;
 pub(super) use folder::Folder;
 pub(super) use job::{Job, now_unix_s};
 pub(super) use letters::{Letters, letters};
-pub(super) use place::Place;
 
 use super::guard;
+use super::serial::{Baud, rate};
 use crate::job::disk::HeldJob;
 use crate::job::host::{Begin, Host};
 use crate::job::record::Record;
 use crate::job::run::{Wires, run as run_host};
 use crate::job::scribe::Scribe;
+use crate::printer::find::{Connection, Places, Wanted, connect};
 use crate::printer::mock;
-use crate::printer::port::{OpenMode, Port};
+use crate::printer::port::OpenMode;
 use crate::profile::printer::HardStop;
 use crate::profile::{Profile, load_printer};
 use anyhow::Context;
+use folder::lasting_port;
 use keys::Keys;
 use marks::Marks;
 use show::Show;
@@ -56,13 +56,14 @@ const DEFAULT_PROFILE: &str = "generic-marlin";
 pub(super) struct Args {
     /// The G-code file, text or binary (.bgcode).
     file: PathBuf,
-    /// The printer's serial port, such as /dev/ttyUSB0; `mock` prints to a mock
-    /// printer that is started for it.
-    #[arg(long, value_name = "DEV|mock")]
+    /// The printer's serial port: a path such as /dev/ttyUSB0, `usb:` and its serial
+    /// number (see `outrigger ports`), `auto` for the only one that answers, or `mock`
+    /// for a mock printer that is started for it.
+    #[arg(long, value_name = "DEV|usb:N|auto|mock")]
     port: String,
-    /// Bits per second; the profile's if not given.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    baud: Option<u32>,
+    /// Bits per second; the profile's if not given. `auto` tries the usual ones.
+    #[arg(long, value_name = "N|auto")]
+    baud: Option<Baud>,
     /// The printer's profile: a name from `outrigger profile list`, or a file.
     #[arg(long, value_name = "NAME", default_value = DEFAULT_PROFILE)]
     profile: String,
@@ -105,20 +106,27 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
             None
         }
     };
-    if let Some(folder) = folder.as_ref().filter(|_| !is_mock) {
-        folder.clear_bed(&args.port, args.part_removed)?;
-    }
+    let wanted: Wanted = args.port.parse()?;
     let name = folder::lasting_name(&args.profile)?;
     let job = Job::open(&args.file, &profile, &name, folder.as_ref().map(|f| &f.store))?;
-    let baud = args.baud.unwrap_or(profile.serial.baud);
+    let rate = rate(args.baud, profile.serial.baud);
     runtime()?.block_on(async {
         let letters = letters()?;
-        let mock = if is_mock { Some(start_mock(&profile, baud, args.mock_speed)?) } else { None };
-        let device = mock.as_ref().map_or_else(|| args.port.clone(), |m| m.path().display().to_string());
-        // Before the job is accepted: one that has no printer is none.
+        let mock = if is_mock { Some(start_mock(&profile, rate.first(), args.mock_speed)?) } else { None };
+        let wanted = mock.as_ref().map_or(wanted, |m| Wanted::Path(m.path().display().to_string()));
+        // Before the job is accepted: one that has no printer is none. And before the printer's port
+        // is opened, which may reset it, as far as it is known already.
+        let clear = |port: &str| match folder.as_ref().filter(|_| !is_mock) {
+            Some(folder) => folder.clear_bed(port, args.part_removed),
+            None => Ok(()),
+        };
+        clear(&wanted.to_string())?;
         let mode = OpenMode::Fresh { reset: profile.serial.dtr_reset };
-        let port = Port::open_as(&device, baud, mode).await?;
+        let boot_ms = settings::boot_wait_ms(&profile);
+        let connection = connect(&wanted, rate, mode, boot_ms, &Places::default()).await?;
         let started = Instant::now();
+        let device = lasting_port(&wanted, connection.port.path());
+        clear(&device)?;
         let held = folder
             .as_ref()
             .and_then(|folder| folder.store.accept(&job.accepted).inspect_err(|why| not_recorded(why)).ok());
@@ -132,10 +140,9 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
             job,
             name: args.file.display().to_string(),
             profile: &profile,
-            port,
+            connection,
             started,
             device,
-            baud,
             held,
             begin: Begin::Fresh,
             macros: !args.no_macros,
@@ -201,14 +208,12 @@ pub(super) struct Printing<'a> {
     pub(super) name: String,
     /// The printer's profile.
     pub(super) profile: &'a Profile,
-    /// The printer's port…
-    pub(super) port: Port,
-    /// …and when it was opened.
+    /// The printer…
+    pub(super) connection: Connection,
+    /// …and when its port was opened.
     pub(super) started: Instant,
-    /// What finds it again.
+    /// What names it in the job's records.
     pub(super) device: String,
-    /// Bits per second.
-    pub(super) baud: u32,
     /// The job's records; `None`: it is not written down.
     pub(super) held: Option<HeldJob>,
     /// How it begins.
@@ -232,7 +237,7 @@ pub(super) async fn print(
     letters: Letters,
     hint: Option<&str>,
 ) -> anyhow::Result<()> {
-    let Printing { job, profile, started, .. } = printing;
+    let Printing { job, profile, started, connection, .. } = printing;
     let marks = Rc::new(RefCell::new(Marks::default()));
     let lines = job.lines(Rc::clone(&marks)).with_context(|| printing.name.clone())?;
     let mut show = Show::new(printing.verbose, job.checked, job.facts, marks, printing.speed);
@@ -240,21 +245,26 @@ pub(super) async fn print(
         show.hint(hint);
     }
     let id = printing.held.as_ref().map(|held| held.id);
-    let opened =
-        Record::Opened { port: printing.device.clone(), baud: printing.baud, at_unix_s: now_unix_s() };
+    let opened = Record::Opened {
+        port: printing.device.clone(),
+        baud: connection.port.baud(),
+        at_unix_s: now_unix_s(),
+    };
     let start = |mut held: HeldJob| {
         held.journal.append(&opened);
         Scribe::start(held, letters.post.clone()).context("cannot start the journal's thread")
     };
     let scribe = printing.held.map(start).transpose()?;
-    let place = Place { device: printing.device, baud: printing.baud };
     let mut settings = settings::of(profile, printing.macros);
     settings.waits_for_person = printing.waits_for_person;
+    if connection.awake {
+        settings.session.boot_wait_ms = 0;
+    }
     let mut host = Host::new(settings, lines, &printing.begin, 0);
     let wires = Wires {
-        port: printing.port,
+        port: connection.port,
         hard_stop: profile.serial.hard_stop() == HardStop::Dtr,
-        reopen: &place,
+        identity: connection.identity,
         scribe,
         mail: letters.mail,
         watcher: &mut show,

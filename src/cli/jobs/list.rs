@@ -1,7 +1,7 @@
 //! `outrigger jobs list`: all jobs, a line each.
 use super::facts::{Json, file_name, json, percent, state_words};
 use super::when::ago;
-use crate::cli::{print::escape::printable, say};
+use crate::cli::{escape::printable, say};
 use crate::job::disk::{Entry, Store};
 use serde::Serialize;
 use std::process::ExitCode;

@@ -2,7 +2,7 @@
 //!
 //! Takes states and events, gives lines for a person. The printer's own texts are
 //! escaped here.
-use super::escape::printable;
+use crate::cli::escape::printable;
 use crate::job::state::State;
 use crate::printer::action::{Action, Prompt};
 use crate::printer::session::{Ending, StoppedBy, Waiting};

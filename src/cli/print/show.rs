@@ -4,9 +4,9 @@
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
 use super::cases;
-use super::escape::printable;
 use super::marks::{Facts, Marks};
 use super::news;
+use crate::cli::escape::printable;
 use crate::job::host::HostEvent;
 use crate::job::run::Watcher;
 use crate::printer::job_file::Checked;

@@ -1,6 +1,6 @@
 //! The last words on a job.
-use super::escape::printable;
 use super::show::Show;
+use crate::cli::escape::printable;
 use crate::job::disk::JobId;
 use crate::job::run::End;
 use crate::job::state::State;
