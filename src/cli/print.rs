@@ -346,6 +346,7 @@ fn verdict(name: &str, outcome: Option<Outcome>, show: &Show) -> anyhow::Result<
         }
         Some(Outcome::Stopped { ending, safety }) => match ending {
             Ending::Cancelled => bail!("{name}: cancelled; {}", after(safety)),
+            Ending::EmergencyStop => bail!("{name}: emergency stop; {}", after(safety)),
             Ending::Failed(failure) => {
                 let failure = escape::printable(&failure.to_string());
                 bail!("{name}: {failure}; {}", after(safety))
