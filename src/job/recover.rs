@@ -142,6 +142,9 @@ pub enum Refusal {
         "it broke off in its preparation, before anything was printed: clear the bed, forget it, print it anew"
     )]
     InPreparation,
+    /// It broke off while the nozzle was being moved up or down by us.
+    #[error("how high the nozzle stands is not known: it was being moved when it broke off")]
+    HeightNotKnown,
     /// Too many commands without a move for what is kept of them.
     #[error("the file has too many commands without a move where it broke off")]
     TooManyCommands,
