@@ -7,7 +7,7 @@ use crate::scenario::{End, Expect, Scenario};
 use crate::world::disk::DiskPlan;
 use crate::world::source::Commands;
 use crate::world::wire::Chances;
-use crate::world::{Plan, Report, World};
+use crate::world::{Plan, Report, User, World};
 use outrigger::job::host::HostSettings;
 use outrigger::job::state::State;
 use outrigger::printer::mock::{Config, Did, Faults};
@@ -90,6 +90,7 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
         back: chances(noise.corrupt_reply, noise.lose_reply),
         disk: DiskPlan { sync_ns: SYNC_NS },
         faults: scenario.fault.clone(),
+        user: User::default(),
         seed: noise.seed,
         limit_ns: LIMIT_NS,
         transcript: true,
@@ -150,6 +151,7 @@ fn refused(scenario: &Scenario, refusal: String) -> Played {
         back: Chances::default(),
         disk: DiskPlan { sync_ns: SYNC_NS },
         faults: Vec::new(),
+        user: User::default(),
         seed: 0,
         limit_ns: 0,
         transcript: false,

@@ -101,7 +101,7 @@ impl Job {
 
 /// The `n`th generated move, from 1: like no other, 1 to 3 mm long, on a part in the
 /// middle of a small bed, a layer of 0.2 mm every 40 moves.
-pub fn generated(n: u64) -> String {
+pub(crate) fn generated(n: u64) -> String {
     let within = (n - 1) % LAYER_MOVES;
     let z = 0.2 * ((n - 1) / LAYER_MOVES + 1) as f64;
     let (x, y) = (60.0 + (within % 10) as f64 * 3.0, 60.0 + (within / 10) as f64 * 2.0);

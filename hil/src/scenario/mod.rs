@@ -7,6 +7,7 @@ mod help;
 mod job;
 
 pub use help::HELP;
+pub(crate) use job::generated;
 pub use job::{Job, JobLines, MAX_LINES};
 
 use serde::Deserialize;
@@ -346,6 +347,33 @@ impl Scenario {
 }
 
 impl Fault {
+    /// This kind at this command of the job, with nothing else said.
+    pub fn at_line(kind: Kind, line: u64) -> Self {
+        Self { at_line: Some(Lines::One(line)), ..Self::bare(kind) }
+    }
+
+    /// This kind at this time, with nothing else said.
+    pub fn at_s(kind: Kind, at_s: f64) -> Self {
+        Self { at_s: Some(at_s), ..Self::bare(kind) }
+    }
+
+    fn bare(kind: Kind) -> Self {
+        Self {
+            at_line: None,
+            at_command: None,
+            at_s: None,
+            at_state: None,
+            after_s: 0.0,
+            kind,
+            for_s: None,
+            text: None,
+            times: None,
+            byte: None,
+            sag_mm: None,
+            button: None,
+        }
+    }
+
     fn wrong(&self) -> Option<String> {
         let whens = [
             self.at_line.is_some(),

@@ -83,6 +83,18 @@ impl World {
         for fault in now {
             self.happen(fault, None);
         }
+        let resumes = matches!(state, State::Paused | State::Asking);
+        if let Some(after_ns) = self.plan.user.resumes_ns.filter(|_| resumes) {
+            self.events.due.push((self.now_ns + after_ns, Fault::at_s(Kind::Resume, 0.0)));
+        }
+    }
+
+    /// A process has ended: where it left the job interrupted, the user may look.
+    pub(super) fn user_sees_the_end(&mut self) {
+        let interrupted = self.life.state == State::Interrupted;
+        if let Some(after_ns) = self.plan.user.confirms_ns.filter(|_| interrupted) {
+            self.events.due.push((self.now_ns + after_ns, Fault::at_s(Kind::Confirm, 0.0)));
+        }
     }
 
     /// Everything whose time has come.

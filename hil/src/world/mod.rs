@@ -75,6 +75,8 @@ pub struct Plan {
     pub disk: DiskPlan,
     /// What happens, and when.
     pub faults: Vec<Fault>,
+    /// What the user does by himself.
+    pub user: User,
     /// Where the dice begin.
     pub seed: u64,
     /// When a run that has not ended is stopped, ns.
@@ -83,6 +85,15 @@ pub struct Plan {
     pub transcript: bool,
     /// Whether the heaters are looked at all the time, to know when they went off.
     pub watch_heat: bool,
+}
+
+/// What the user does by himself, whenever it comes to it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct User {
+    /// Resumes what is paused or waits for a person after so long, ns.
+    pub resumes_ns: Option<u64>,
+    /// Says that part and nozzle are clear, and resumes what is interrupted, so long after, ns.
+    pub confirms_ns: Option<u64>,
 }
 
 /// What came of a run.
@@ -116,6 +127,8 @@ pub struct Report {
     pub sent: usize,
     /// Lines and replies that something happened to.
     pub mishaps: u64,
+    /// When a person said that part and nozzle are clear, ns.
+    pub confirmed_ns: Vec<u64>,
     /// The tail of what was said, if it was kept.
     pub transcript: VecDeque<String>,
 }
@@ -237,6 +250,7 @@ impl World {
             stall_ns: self.progress.stall_ns,
             sent: self.progress.sent,
             mishaps: self.link.out.mishaps + self.link.back.mishaps,
+            confirmed_ns: self.life.confirmed_ns,
             transcript: self.transcript,
         }
     }

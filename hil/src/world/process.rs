@@ -25,6 +25,8 @@ pub(super) struct Life {
     pub(super) requests: VecDeque<Request>,
     /// The job's file is another from this command on.
     changed_at: Option<usize>,
+    /// When a person said that part and nozzle are clear.
+    pub(super) confirmed_ns: Vec<u64>,
 }
 
 impl Default for Life {
@@ -38,6 +40,7 @@ impl Default for Life {
             confirmed: false,
             requests: VecDeque::new(),
             changed_at: None,
+            confirmed_ns: Vec::new(),
         }
     }
 }
@@ -93,6 +96,7 @@ impl World {
     pub(super) fn confirm(&mut self) {
         if self.host.is_none() && self.life.state == State::Interrupted {
             self.life.confirmed = true;
+            self.life.confirmed_ns.push(self.now_ns);
             self.life.restarts_ns = Some(self.now_ns);
         }
     }
@@ -252,6 +256,7 @@ impl World {
                 self.close_port();
                 let now_ns = self.now_ns;
                 self.note(format!("process ends in {:?} at {now_ns}", self.life.state));
+                self.user_sees_the_end();
                 true
             }
         }
