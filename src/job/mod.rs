@@ -18,3 +18,4 @@ pub mod record;
 pub mod recover;
 pub mod state;
 pub mod storage;
+pub mod tracker;
