@@ -13,7 +13,10 @@
 //!
 //! Invariant: [`state`], [`record`], [`tracker`], [`host`] and [`recover`] are pure;
 //! [`journal`] reaches a medium through [`storage`] alone.
+pub mod digest;
+pub mod disk;
 pub mod host;
+pub mod journal;
 pub mod record;
 pub mod recover;
 pub mod state;
