@@ -11,13 +11,12 @@ use crate::world::{Plan, Report, User, World};
 use outrigger::job::host::HostSettings;
 use outrigger::job::state::State;
 use outrigger::printer::mock::{Config, Did, Faults};
-use outrigger::printer::session::{DEFAULT_BOOT_WAIT_MS, Settings};
-use outrigger::printer::window::Limit;
-use outrigger::profile::{self, Profile, printer::Window};
+use outrigger::printer::session::DEFAULT_BOOT_WAIT_MS;
+use outrigger::profile::{self, Profile};
 use std::path::Path;
 
 /// The profile when a scenario names none.
-pub const DEFAULT_PROFILE: &str = "generic-marlin";
+pub const DEFAULT_PROFILE: &str = "ender-3";
 
 /// A simulated run that takes longer hangs: two hours are many times what any job
 /// here lasts, its longest heating included.
@@ -34,7 +33,7 @@ const TAIL_LINES: usize = 60;
 const SYNC_NS: u64 = 8_000_000;
 
 /// Listening for `start` where opening the port does not reset the board, ms.
-const NO_RESET_WAIT_MS: u64 = 20;
+const NO_RESET_WAIT_MS: u64 = 50;
 
 /// What a scenario was found to do.
 #[derive(Debug)]
@@ -113,24 +112,11 @@ pub fn personality(name: Option<&str>) -> anyhow::Result<Config> {
     }
 }
 
-/// What a host needs of a profile.
-pub fn settings(profile: &Profile, dtr_reset: bool) -> HostSettings {
-    let size = |n: u32| usize::try_from(n).unwrap_or(usize::MAX);
-    let lines = |m: &profile::Macro| m.lines().map(str::to_owned).collect::<Vec<_>>();
-    HostSettings {
-        session: Settings {
-            window: match profile.serial.window {
-                Window::Bytes(bytes) => Limit::Bytes(size(bytes)),
-                Window::Lines(lines) => Limit::Lines(size(lines)),
-            },
-            max_line: profile.serial.max_line.map(size),
-            boot_wait_ms: if dtr_reset { DEFAULT_BOOT_WAIT_MS } else { NO_RESET_WAIT_MS },
-            asks: true,
-            waits_for_link: true,
-            cancel_macro: lines(&profile.macros.cancel),
-        },
-        ..HostSettings::default()
-    }
+/// What a host needs of a profile. Without `resets`, opening the port does not reset the board.
+pub fn settings(profile: &Profile, resets: bool) -> HostSettings {
+    let mut settings = outrigger::cli::host_settings(profile, true);
+    settings.session.boot_wait_ms = if resets { DEFAULT_BOOT_WAIT_MS } else { NO_RESET_WAIT_MS };
+    settings
 }
 
 /// Why a job is not begun, as `outrigger print` finds it before it opens the port.

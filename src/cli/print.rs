@@ -9,7 +9,7 @@ mod job;
 mod keys;
 mod letters;
 mod marks;
-mod settings;
+pub(super) mod settings;
 mod show;
 mod verdict;
 mod words;

@@ -16,8 +16,9 @@ pub mod wire;
 
 use crate::dice::Dice;
 use crate::scenario::Fault;
-use disk::{Disk, DiskPlan};
-use outrigger::job::host::{Host, HostSettings};
+use disk::{Disk, DiskPlan, Synced};
+use outrigger::job::host::{Host, HostSettings, Request};
+use outrigger::job::record::Accepted;
 use outrigger::job::state::State;
 use outrigger::printer::mock::{Config, Deed, Faults, Firmware, Stats};
 use outrigger::printer::session::Outcome;
@@ -184,6 +185,12 @@ impl World {
     pub fn new(plan: Plan) -> Self {
         let mut board = Firmware::new(plan.config.clone(), plan.board.clone());
         board.watch();
+        let accepted = Accepted {
+            path: "/virtual/job.gcode".into(),
+            commands: plan.commands.len() as u64,
+            profile: crate::play::DEFAULT_PROFILE.to_owned(),
+            ..Accepted::default()
+        };
         Self {
             now_ns: 0,
             dice: Dice::new(plan.seed),
@@ -199,7 +206,7 @@ impl World {
                 next_replies: VecDeque::new(),
                 inserted: Vec::new(),
             },
-            disk: Disk::new(plan.disk),
+            disk: Disk::new(plan.disk, accepted, plan.seed),
             host: None,
             life: process::Life::default(),
             events: events::Events::new(&plan.faults),
@@ -293,10 +300,18 @@ impl World {
             }
         }
         let now_ms = self.now_ms();
-        if let Some(durable) = self.disk.synced(self.now_ns)
-            && let Some(host) = &mut self.host
-        {
-            host.durable(durable, now_ms);
+        match (self.disk.synced(self.now_ns), &mut self.host) {
+            (Some(Synced::Durable(records)), Some(host)) => {
+                self.life.unkept = false;
+                host.durable(records, now_ms);
+            }
+            // As the program does: a disk that refuses pauses the job.
+            (Some(Synced::Refused), Some(host)) => {
+                if !std::mem::replace(&mut self.life.unkept, true) && host.outcome().is_none() {
+                    host.request(Request::Pause, now_ms);
+                }
+            }
+            _ => {}
         }
         if let Some(host) = self.host.as_mut().filter(|h| h.deadline().is_some_and(|at| at <= now_ms)) {
             host.on_tick(now_ms);

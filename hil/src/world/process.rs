@@ -2,6 +2,7 @@
 use super::source::Reading;
 use super::{World, wire::Mishap};
 use outrigger::job::host::{Begin, Host, HostEvent, PortWish, Request};
+use outrigger::job::record::Record;
 use outrigger::job::state::State;
 use outrigger::printer::session::{Event, Outcome};
 use std::collections::VecDeque;
@@ -27,6 +28,8 @@ pub(super) struct Life {
     changed_at: Option<usize>,
     /// When a person said that part and nozzle are clear.
     pub(super) confirmed_ns: Vec<u64>,
+    /// The journal's medium refused, and has kept nothing since.
+    pub(super) unkept: bool,
 }
 
 impl Default for Life {
@@ -41,6 +44,7 @@ impl Default for Life {
             requests: VecDeque::new(),
             changed_at: None,
             confirmed_ns: Vec::new(),
+            unkept: false,
         }
     }
 }
@@ -48,18 +52,30 @@ impl Default for Life {
 impl World {
     /// The first process opens the port.
     pub(super) fn begin(&mut self) {
-        self.start(&Begin::Fresh);
+        self.start(true);
     }
 
-    fn start(&mut self, begin: &Begin) {
+    fn start(&mut self, fresh: bool) {
         self.life.processes += 1;
-        self.life.fresh += u32::from(*begin == Begin::Fresh);
+        self.life.fresh += u32::from(fresh);
         self.life.outcome = None;
+        let opened = Record::Opened { port: "virtual".to_owned(), baud: self.plan.config.baud, at_unix_s: 0 };
+        let Some(log) = self.disk.open(&opened) else {
+            self.told.push_str("the journal cannot be read\n");
+            return;
+        };
+        let begin = match fresh {
+            true => Begin::Fresh,
+            false => Begin::TakeOver { log: Box::new(log) },
+        };
+        let mut settings = self.plan.settings.clone();
+        // Who says that all is clear waits at the terminal for the plan.
+        settings.waits_for_person = std::mem::take(&mut self.life.confirmed);
         self.note(format!("process {} begins: {begin:?}", self.life.processes));
         self.board.connect(self.now_ns);
         self.link.open = true;
         let reading = Reading::new(self.plan.commands.clone(), self.life.changed_at);
-        self.host = Some(Host::new(self.plan.settings.clone(), reading, begin, self.now_ms()));
+        self.host = Some(Host::new(settings, reading, &begin, self.now_ms()));
     }
 
     /// Whether anything will still begin by itself.
@@ -77,7 +93,7 @@ impl World {
             return;
         }
         self.life.restarts_ns = None;
-        self.start(&Begin::TakeOver);
+        self.start(false);
     }
 
     /// kill -9: nothing is said to anybody; what is on the wire goes on.
@@ -87,6 +103,7 @@ impl World {
         }
         self.close_port();
         self.life.requests.clear();
+        self.life.unkept = false;
         let dice = &mut self.dice;
         self.disk.process_dies(|records| dice.below(records as u64 + 1) as usize);
         self.life.restarts_ns = Some(self.now_ns + for_ns);
@@ -153,7 +170,12 @@ impl World {
 
     fn requests(&mut self) -> bool {
         let now_ms = self.now_ms();
-        let (Some(host), Some(request)) = (&mut self.host, self.life.requests.pop_front()) else {
+        // As the program does: nobody resumes before the journal is written again.
+        let held = self.life.unkept && self.life.requests.front() == Some(&Request::Resume);
+        let Some(host) = self.host.as_mut().filter(|_| !held) else {
+            return false;
+        };
+        let Some(request) = self.life.requests.pop_front() else {
             return false;
         };
         host.request(request, now_ms);
@@ -181,6 +203,9 @@ impl World {
                 self.note(format!("  {event:?}"));
                 self.told.push_str(&telling(&event));
                 self.told.push('\n');
+            }
+            if event == HostEvent::Planned {
+                self.life.requests.push_back(Request::Confirm);
             }
             if let HostEvent::State(state) = event {
                 self.life.state = state;
@@ -254,6 +279,8 @@ impl World {
                 self.life.outcome = host.outcome().cloned();
                 self.host = None;
                 self.close_port();
+                self.disk.process_ends(self.now_ns);
+                self.life.unkept = false;
                 let now_ns = self.now_ns;
                 self.note(format!("process ends in {:?} at {now_ns}", self.life.state));
                 self.user_sees_the_end();
