@@ -3,7 +3,7 @@
 //! Takes a [`Scenario`], gives what came of it or the first thing that does not hold, with
 //! the tail of the transcript.
 use crate::judge::{Executed, executed};
-use crate::scenario::{End, Expect, Scenario};
+use crate::scenario::{End, Expect, Heaters, Names, Scenario};
 use crate::world::disk::DiskPlan;
 use crate::world::source::Commands;
 use crate::world::wire::Chances;
@@ -12,6 +12,7 @@ use outrigger::job::host::HostSettings;
 use outrigger::job::state::State;
 use outrigger::printer::mock::{Config, Did, Faults};
 use outrigger::printer::session::DEFAULT_BOOT_WAIT_MS;
+use outrigger::printer::window::Limit;
 use outrigger::profile::{self, Profile};
 use std::path::Path;
 
@@ -74,12 +75,21 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
         split: noise.split,
         delay_ns: noise.delay_ms * 1_000_000,
     };
-    let mut config = personality(scenario.printer.personality.as_deref())?;
-    config.speed = scenario.printer.speed.unwrap_or(1.0);
-    let settings = settings(&profile, config.dtr_reset);
+    let printer = &scenario.printer;
+    let mut config = match &printer.personality {
+        Some(Names::One(name)) => personality(name)?,
+        _ => Config::default(),
+    };
+    config.speed = printer.speed.unwrap_or(1.0);
+    config.dtr_reset |= printer.dtr_reset;
+    let mut settings = settings(&profile, config.dtr_reset);
+    if let Some(lines) = printer.window_lines {
+        settings.session.window = Limit::Lines(lines);
+    }
     if let Some(refusal) = refusal(&text, &settings) {
         return Ok(refused(scenario, refusal));
     }
+    let config_resets = config.dtr_reset;
     let plan = Plan {
         commands: commands.clone(),
         settings,
@@ -90,6 +100,7 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
         disk: DiskPlan { sync_ns: SYNC_NS },
         faults: scenario.fault.clone(),
         user: User::default(),
+        hard_stop: printer.hard_stop || config_resets,
         seed: noise.seed,
         limit_ns: LIMIT_NS,
         transcript: true,
@@ -105,10 +116,12 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
 ///
 /// # Errors
 /// There is none of that name.
-pub fn personality(name: Option<&str>) -> anyhow::Result<Config> {
+pub fn personality(name: &str) -> anyhow::Result<Config> {
     match name {
-        None | Some("marlin") => Ok(Config::default()),
-        Some(other) => anyhow::bail!("there is no personality {other:?}"),
+        "marlin-2.1" => Ok(Config::default()),
+        "advanced-ok" => Ok(Config { advanced_ok: true, ..Config::default() }),
+        "no-emergency-parser" => Ok(Config { emergency_parser: false, ..Config::default() }),
+        other => anyhow::bail!("there is no personality {other:?}"),
     }
 }
 
@@ -138,6 +151,7 @@ fn refused(scenario: &Scenario, refusal: String) -> Played {
         disk: DiskPlan { sync_ns: SYNC_NS },
         faults: Vec::new(),
         user: User::default(),
+        hard_stop: false,
         seed: 0,
         limit_ns: 0,
         transcript: false,
@@ -187,7 +201,7 @@ fn judge(expect: &Expect, commands: &Commands, report: &Report, done: &Executed)
         format!("{} commands were executed twice, {} at most were to be", done.twice, expect.twice_at_most),
     );
     hold(report.fresh == 1, format!("the job was begun {} times", report.fresh));
-    if expect.outcome != End::Interrupted {
+    if expect.outcome != End::Interrupted && expect.heaters == Heaters::Off {
         let stats = &report.stats;
         hold(
             stats.nozzle_target_c <= 0.0 && stats.bed_target_c <= 0.0 || expect.outcome == End::Finished,

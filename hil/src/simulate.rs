@@ -335,6 +335,7 @@ fn throw(dice: &mut Dice, seed: u64, commands: &Commands, profile: &Profile, tra
         disk: DiskPlan { sync_ns },
         faults: faults(dice, commands.len() as u64),
         user,
+        hard_stop: dice.chance(500),
         seed: seed ^ 0x5eed,
         limit_ns: LIMIT_NS,
         transcript,

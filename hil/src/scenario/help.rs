@@ -14,9 +14,13 @@ start = ["G28", "M109 S200"]   # instead of the usual beginning
 insert = { "50" = "M600" }     # a line after so many moves
 
 [printer]                # all optional
-personality = "marlin"   # a name of `outrigger mock --help`
-profile = "generic-marlin"
+personality = "rs"       # a name of the mock's table; a list plays the scenario
+                         # once for each
+profile = "ender-3"
 speed = 4                # how many times faster than life the mechanics are
+window_lines = 1         # unacknowledged lines, whatever the profile says
+dtr_reset = true         # opening the port resets the board
+hard_stop = true         # the host can reset the board
 
 [noise]                  # all optional, all the time; in thousandths of lines
 seed = 1
@@ -74,6 +78,7 @@ twice_at_most = 0        # commands that may be gone over twice; none is ever le
 stall_s = 3.5            # longest time in which no new command of the job goes out
 over_s = 20              # longest time from the first fault to the end
 cold_s = 3               # longest time from the first fault to heaters off
+heaters = "any"          # nothing is asked of the heaters at the end
 told = ["reset"]         # words that the user must be told
 commands = ["M108"]      # commands that the board must get, in this order
 boots = 2                # how often the board may start

@@ -50,12 +50,28 @@ pub struct Scenario {
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Printer {
-    /// A name from the mock's table of personalities.
-    pub personality: Option<String>,
+    /// A name from the mock's table of personalities; a list plays the scenario once for each.
+    pub personality: Option<Names>,
     /// The profile that the host is given.
     pub profile: Option<String>,
     /// How many times faster than life the mechanics are.
     pub speed: Option<f64>,
+    /// So many lines may be unacknowledged, whatever the profile says.
+    pub window_lines: Option<usize>,
+    /// Opening the port resets the board, and so does a hard stop.
+    pub dtr_reset: bool,
+    /// The board can be reset by a hard stop.
+    pub hard_stop: bool,
+}
+
+/// One name or several to sweep over.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged)]
+pub enum Names {
+    /// This one.
+    One(String),
+    /// The scenario is played once for each.
+    Sweep(Vec<String>),
 }
 
 /// Noise in both directions, in thousandths of lines.
@@ -208,6 +224,17 @@ pub enum End {
     Refused,
 }
 
+/// What is asked of the heaters at the end.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Heaters {
+    /// Off after a cancel, a failure or a refusal.
+    #[default]
+    Off,
+    /// Nothing.
+    Any,
+}
+
 /// What must hold at the end.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -224,6 +251,9 @@ pub struct Expect {
     pub over_s: Option<f64>,
     /// Longest time from the fault to both heaters' targets being 0, s.
     pub cold_s: Option<f64>,
+    /// `any`: nothing is asked of the heaters at the end.
+    #[serde(default)]
+    pub heaters: Heaters,
     /// Words that the user must be told.
     #[serde(default)]
     pub told: Vec<String>,
@@ -310,6 +340,15 @@ impl Scenario {
 
     /// One scenario for each value that a fault sweeps over, named `NAME@LINE`.
     pub fn unroll(&self) -> Vec<Self> {
+        if let Some(Names::Sweep(names)) = &self.printer.personality {
+            let one = |name: &String| {
+                let mut one = self.clone();
+                one.printer.personality = Some(Names::One(name.clone()));
+                one.name = format!("{}@{name}", self.name);
+                one
+            };
+            return names.iter().map(one).flat_map(|s| s.unroll()).collect();
+        }
         let swept = self.fault.iter().position(|f| matches!(f.at_line, Some(Lines::Sweep(_))));
         let Some(at) = swept else {
             return vec![self.clone()];
@@ -335,6 +374,12 @@ impl Scenario {
         }
         if self.printer.speed.is_some_and(|s| !(0.01..=1000.0).contains(&s)) {
             return Some("printer.speed is outside 0.01 to 1000".to_owned());
+        }
+        if matches!(&self.printer.personality, Some(Names::Sweep(n)) if n.is_empty() || n.len() > MAX_SWEEP) {
+            return Some(format!("printer.personality sweeps over 1 to {MAX_SWEEP} names"));
+        }
+        if self.printer.window_lines == Some(0) {
+            return Some("printer.window_lines is 0".to_owned());
         }
         let noise = self.noise;
         let shares = [noise.corrupt_line, noise.lose_line, noise.corrupt_reply, noise.lose_reply];

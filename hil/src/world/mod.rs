@@ -78,6 +78,8 @@ pub struct Plan {
     pub faults: Vec<Fault>,
     /// What the user does by himself.
     pub user: User,
+    /// Whether the host can reset the board.
+    pub hard_stop: bool,
     /// Where the dice begin.
     pub seed: u64,
     /// When a run that has not ended is stopped, ns.

@@ -4,6 +4,7 @@ use super::{World, wire::Mishap};
 use outrigger::job::host::{Begin, Host, HostEvent, PortWish, Request};
 use outrigger::job::record::Record;
 use outrigger::job::state::State;
+use outrigger::printer::mock::faults::{Fault, Kind};
 use outrigger::printer::session::{Event, Outcome};
 use std::collections::VecDeque;
 
@@ -268,9 +269,9 @@ impl World {
                 false
             }
             PortWish::HardStop => {
-                let resets = self.plan.config.dtr_reset && self.link.open;
+                let resets = self.plan.hard_stop && self.link.open;
                 if resets {
-                    self.board.connect(self.now_ns);
+                    self.board.inject(self.now_ns, reset());
                 }
                 host.hard_stopped(resets, now_ms);
                 true
@@ -288,6 +289,11 @@ impl World {
             }
         }
     }
+}
+
+/// What DTR does to a board that listens to it.
+fn reset() -> Fault {
+    Fault { kind: Kind::Reset, at_line: None, at_s: None, for_s: None, text: None, byte: None, times: None }
 }
 
 /// An event as a user would see it.
