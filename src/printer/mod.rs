@@ -5,7 +5,7 @@
 //! - [`job_file`]: a file, checked, as a source of commands.
 //! - [`window`]: numbered lines, what is in flight, what can be sent again.
 //! - [`lines`]: bytes from the wire into lines.
-//! - [`reply`], [`temperature`]: what a line of the printer means.
+//! - [`reply`], [`temperature`], [`action`]: what a line of the printer means.
 //! - [`source`]: where a job's lines come from.
 //! - [`session`]: the state machine over these; no I/O, no clock.
 //! - [`port`]: the serial port.
@@ -16,6 +16,7 @@
 //!
 //! Knows the G-code crate's framing. Settings come as plain values: this room
 //! knows no profile, no command line and no terminal.
+pub mod action;
 pub mod job_file;
 pub mod lines;
 pub mod mock;

@@ -288,7 +288,7 @@ impl Show {
                 "warning: {resends} resends in {lines} lines; check the cable, its shielding and \
                  the baud rate"
             )),
-            Event::Action(text) => self.say(&format!("printer: action {}", printable(text))),
+            Event::Action(action) => self.say(&format!("printer: {}", printable(&format!("{action:?}")))),
             Event::UnknownCommand(text) => self.unknown(text),
             Event::PrinterError(text) => {
                 // Refused lines are part of a resend.
@@ -309,6 +309,7 @@ impl Show {
                                       cancel macro; Ctrl-C again quits at once and leaves \
                                       heaters as they are"
                     .to_owned(),
+                Ending::EmergencyStop => "emergency stop".to_owned(),
                 Ending::Failed(why) => {
                     let why = printable(&why.to_string());
                     format!("stopping: {why}; sending the cancel macro")
@@ -319,6 +320,9 @@ impl Show {
             | Event::OwnDone
             | Event::LinkLost { .. }
             | Event::Found(_)
+            | Event::Rejoined { .. }
+            | Event::Prompt(_)
+            | Event::Waiting(_)
             | Event::EmergencyStopped { .. }
             | Event::Ended(_) => {}
         }

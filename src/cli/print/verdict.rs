@@ -30,6 +30,7 @@ pub(super) fn verdict(name: &str, end: End, show: &Show) -> anyhow::Result<()> {
         }
         End::Over(Outcome::Stopped { ending, safety }) => match ending {
             Ending::Cancelled => bail!("{name}: cancelled; {}", after(safety)),
+            Ending::EmergencyStop => bail!("{name}: emergency stop; {}", after(safety)),
             Ending::Failed(failure) => {
                 let failure = printable(&failure.to_string());
                 bail!("{name}: {failure}; {}", after(safety))
