@@ -363,11 +363,10 @@ impl Store {
         let over = |id: &JobId| self.picture(*id).is_ok_and(|picture| is_over(&picture.log));
         let over: Vec<JobId> = ids.into_iter().filter(over).collect();
         let many = over.len().saturating_sub(MAX_OVER);
-        for id in &over[..many] {
-            // A host may still be at its last words.
-            if let Ok(_lock) = self.take(*id, folder) {
-                self.remove(*id)?;
-            }
+        // A host may still be at its last words.
+        let free = over.iter().filter_map(|id| Some((id, self.take(*id, folder).ok()?)));
+        for (id, _lock) in free.take(many) {
+            self.remove(*id)?;
         }
         Ok(())
     }
