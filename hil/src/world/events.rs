@@ -1,26 +1,23 @@
 //! What happens when, and to whom.
 use super::{STATES, World};
 use crate::scenario::{Fault, Kind, Lines, Place};
-use crate::world::wire::Mishap;
+use crate::world::link::ns;
 use outrigger::job::host::Request;
 use outrigger::job::state::State;
 use outrigger::printer::mock::faults;
 
 /// Faults that wait, and those whose time is known.
 #[derive(Debug, Default)]
-pub(super) struct Events {
+pub struct Events {
     waiting: Vec<Fault>,
     due: Vec<(u64, Fault)>,
     /// When the first one happened.
-    pub(super) first_ns: Option<u64>,
-}
-
-fn ns(seconds: f64) -> u64 {
-    (seconds * 1e9) as u64
+    pub first_ns: Option<u64>,
 }
 
 impl Events {
-    pub(super) fn new(faults: &[Fault]) -> Self {
+    /// What a scenario lists.
+    pub fn new(faults: &[Fault]) -> Self {
         let mut events = Self::default();
         for fault in faults {
             match fault.at_s {
@@ -31,13 +28,41 @@ impl Events {
         events
     }
 
-    pub(super) fn next_ns(&self) -> Option<u64> {
+    /// When the next one is due.
+    pub fn next_ns(&self) -> Option<u64> {
         self.due.iter().map(|(at_ns, _)| *at_ns).min()
     }
 
     /// Whether a person or a supervisor will still do something about the job.
-    pub(super) fn waits_for_person(&self) -> bool {
+    pub fn waits_for_person(&self) -> bool {
         self.due.iter().any(|(_, f)| matches!(f.kind, Kind::Confirm))
+    }
+
+    /// A line goes out: what waited for it. `command` counts from 1 and is 0 for what is
+    /// not of the job or goes out again.
+    pub fn line(&mut self, line: &[u8], command: usize, now_ns: u64) -> Vec<Fault> {
+        self.trigger(now_ns, |f| match (&f.at_line, &f.at_command) {
+            (Some(Lines::One(at)), _) => command > 0 && *at == command as u64,
+            (_, Some(text)) => memfind(line, text.as_bytes()),
+            _ => false,
+        })
+    }
+
+    /// The job is in another state: what waited for it.
+    pub fn state(&mut self, state: State, now_ns: u64) -> Vec<Fault> {
+        let name = STATES.iter().find(|(s, _)| *s == state).map_or("", |(_, name)| name);
+        self.trigger(now_ns, |f| f.at_state.as_deref() == Some(name))
+    }
+
+    /// One whose time has come.
+    pub fn take_due(&mut self, now_ns: u64) -> Option<Fault> {
+        let at = self.due.iter().position(|(at_ns, _)| *at_ns <= now_ns)?;
+        Some(self.due.remove(at).1)
+    }
+
+    /// It is to happen then.
+    pub fn later(&mut self, at_ns: u64, fault: Fault) {
+        self.due.push((at_ns, fault));
     }
 
     /// Takes those whose trigger this is; those that are to come later get their time.
@@ -66,11 +91,7 @@ impl World {
         if self.events.waiting.is_empty() {
             return;
         }
-        let now = self.events.trigger(self.now_ns, |f| match (&f.at_line, &f.at_command) {
-            (Some(Lines::One(at)), _) => command > 0 && *at == command as u64,
-            (_, Some(text)) => memfind(line, text.as_bytes()),
-            _ => false,
-        });
+        let now = self.events.line(line, command, self.now_ns);
         for fault in now {
             self.happen(fault, number);
         }
@@ -78,14 +99,13 @@ impl World {
 
     /// The job is in another state.
     pub(super) fn state_is(&mut self, state: State) {
-        let name = STATES.iter().find(|(s, _)| *s == state).map_or("", |(_, name)| name);
-        let now = self.events.trigger(self.now_ns, |f| f.at_state.as_deref() == Some(name));
+        let now = self.events.state(state, self.now_ns);
         for fault in now {
             self.happen(fault, None);
         }
         let resumes = matches!(state, State::Paused | State::Asking);
         if let Some(after_ns) = self.plan.user.resumes_ns.filter(|_| resumes) {
-            self.events.due.push((self.now_ns + after_ns, Fault::at_s(Kind::Resume, 0.0)));
+            self.events.later(self.now_ns + after_ns, Fault::at_s(Kind::Resume, 0.0));
         }
     }
 
@@ -93,14 +113,13 @@ impl World {
     pub(super) fn user_sees_the_end(&mut self) {
         let interrupted = self.life.state == State::Interrupted;
         if let Some(after_ns) = self.plan.user.confirms_ns.filter(|_| interrupted) {
-            self.events.due.push((self.now_ns + after_ns, Fault::at_s(Kind::Confirm, 0.0)));
+            self.events.later(self.now_ns + after_ns, Fault::at_s(Kind::Confirm, 0.0));
         }
     }
 
     /// Everything whose time has come.
     pub(super) fn happen_due(&mut self) {
-        while let Some(at) = self.events.due.iter().position(|(at_ns, _)| *at_ns <= self.now_ns) {
-            let (_, fault) = self.events.due.remove(at);
+        while let Some(fault) = self.events.take_due(self.now_ns) {
             self.happen(fault, None);
         }
     }
@@ -109,35 +128,16 @@ impl World {
         self.events.first_ns.get_or_insert(self.now_ns);
         self.note(format!("! {}", fault.kind.name()));
         match fault.kind.place() {
-            Place::Wire => self.on_the_wire(&fault),
+            Place::Wire if fault.kind == Kind::Unplug => {
+                self.unplug(self.now_ns + ns(fault.for_s.unwrap_or_default()));
+            }
+            Place::Wire => self.link.happen(&fault, self.now_ns),
             Place::Board => self.on_the_board(fault, number),
             Place::Host => self.on_the_host(fault),
             Place::Disk => match fault.kind {
                 Kind::DiskSlow => self.disk.slow(ns(fault.for_s.unwrap_or_default())),
                 _ => self.disk.fail(self.now_ns + ns(fault.for_s.unwrap_or_default())),
             },
-        }
-    }
-
-    fn on_the_wire(&mut self, fault: &Fault) {
-        let until_ns = self.now_ns + ns(fault.for_s.unwrap_or_default());
-        let times = fault.times.unwrap_or(1) as usize;
-        let lines = |mishap| std::iter::repeat_n(mishap, times);
-        match fault.kind {
-            Kind::CorruptLine => self.link.next_lines.extend(lines(Mishap::Corrupt(fault.byte.or(Some(5))))),
-            Kind::LoseLine => self.link.next_lines.extend(lines(Mishap::Lose)),
-            Kind::LoseEnd => self.link.next_lines.extend(lines(Mishap::LoseEnd)),
-            Kind::CorruptReply => {
-                self.link.next_replies.extend(lines(Mishap::Corrupt(fault.byte.or(Some(1)))));
-            }
-            Kind::LoseReply => self.link.next_replies.extend(lines(Mishap::Lose)),
-            Kind::HoldLines => self.link.out.hold(until_ns),
-            Kind::HoldReplies => self.link.back.hold(until_ns),
-            Kind::Insert => {
-                self.link.inserted.extend_from_slice(fault.text.as_deref().unwrap_or_default().as_bytes());
-            }
-            Kind::Block => self.link.blocked_until_ns = until_ns,
-            _ => self.unplug(until_ns),
         }
     }
 

@@ -6,10 +6,11 @@
 //!
 //! # Layout
 //! Here the plan, the report and the loop · `events` what happens when and to whom · `process`
-//! the host's life, death and heirs · [`wire`] one direction of the line · [`disk`] the
+//! the host's life, death and heirs · [`link`] and [`wire`] the line, both ways and one · [`disk`] the
 //! journal's medium · [`source`] the job's lines.
 pub mod disk;
-mod events;
+pub mod events;
+pub mod link;
 mod process;
 pub mod source;
 pub mod wire;
@@ -24,7 +25,8 @@ use outrigger::printer::mock::{Config, Deed, Faults, Firmware, Stats};
 use outrigger::printer::session::Outcome;
 use source::{Commands, Reading};
 use std::collections::VecDeque;
-use wire::{Chances, Mishap, Way};
+use link::Link;
+use wire::Chances;
 
 /// Every state with its name in scenarios.
 pub const STATES: [(State, &str); 17] = [
@@ -136,26 +138,6 @@ pub struct Report {
     pub transcript: VecDeque<String>,
 }
 
-/// The link between host and board.
-#[derive(Debug)]
-struct Link {
-    out: Way,
-    back: Way,
-    /// The plug is out until then.
-    gone_until_ns: u64,
-    /// The port takes no bytes until then.
-    blocked_until_ns: u64,
-    /// The host has the port open.
-    open: bool,
-    /// The host wants it open, and gets it then.
-    opens_ns: Option<u64>,
-    /// What happens to the next lines and replies.
-    next_lines: VecDeque<Mishap>,
-    next_replies: VecDeque<Mishap>,
-    /// Bytes that come before the next reply.
-    inserted: Vec<u8>,
-}
-
 /// How far the job is on the wire, and how long that took.
 #[derive(Debug, Default)]
 struct Progress {
@@ -172,6 +154,10 @@ pub struct World {
     dice: Dice,
     board: Firmware,
     link: Link,
+    /// The host has the port open.
+    open: bool,
+    /// The host wants it open, and gets it then.
+    opens_ns: Option<u64>,
     disk: Disk,
     host: Option<Host<Reading>>,
     life: process::Life,
@@ -197,17 +183,9 @@ impl World {
             now_ns: 0,
             dice: Dice::new(plan.seed),
             board,
-            link: Link {
-                out: Way::new(plan.out),
-                back: Way::new(plan.back),
-                gone_until_ns: 0,
-                blocked_until_ns: 0,
-                open: false,
-                opens_ns: None,
-                next_lines: VecDeque::new(),
-                next_replies: VecDeque::new(),
-                inserted: Vec::new(),
-            },
+            link: Link::new(plan.out, plan.back),
+            open: false,
+            opens_ns: None,
             disk: Disk::new(plan.disk, accepted, plan.seed),
             host: None,
             life: process::Life::default(),
@@ -271,7 +249,7 @@ impl World {
         [
             host,
             blocked,
-            self.link.opens_ns,
+            self.opens_ns,
             self.link.back.next_ns(),
             self.link.out.next_ns(),
             self.board.deadline_ns(),
@@ -296,7 +274,7 @@ impl World {
         self.hear_board();
         while let Some(bytes) = self.link.back.arrived(self.now_ns, usize::MAX) {
             let now_ms = self.now_ms();
-            if let Some(host) = self.host.as_mut().filter(|_| self.link.open) {
+            if let Some(host) = self.host.as_mut().filter(|_| self.open) {
                 host.on_bytes(&bytes, now_ms);
                 self.settle();
             }
@@ -329,22 +307,19 @@ impl World {
     fn hear_board(&mut self) {
         let mut out = Vec::new();
         self.board.take_output(&mut out);
-        if self.now_ns < self.link.gone_until_ns || !self.link.open {
+        if self.now_ns < self.link.gone_until_ns || !self.open {
             // Nobody has the port open: a terminal forgets what nobody reads.
             return;
         }
-        let mut bytes = out.as_slice();
-        while let Some(line) = self.link.back.take(&mut bytes) {
-            self.write_down('<', &line);
-            if !self.link.inserted.is_empty() {
-                let inserted = std::mem::take(&mut self.link.inserted);
-                self.link.back.arrive(inserted, self.now_ns, &mut self.dice);
+        let mut said = Vec::new();
+        let keep = self.plan.transcript;
+        self.link.reply(&out, self.now_ns, &mut self.dice, |line| {
+            if keep {
+                said.push(line.to_vec());
             }
-            let mishap = match line.starts_with(b"ok") {
-                true => self.link.next_replies.pop_front(),
-                false => None,
-            };
-            self.link.back.send(line, mishap, self.now_ns, &mut self.dice);
+        });
+        for line in said {
+            self.write_down('<', &line);
         }
     }
 

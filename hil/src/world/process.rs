@@ -1,6 +1,6 @@
 //! The host's life: its first process, its death, its heirs; and what it says and wants.
 use super::source::Reading;
-use super::{World, wire::Mishap};
+use super::World;
 use outrigger::job::host::{Begin, Host, HostEvent, PortWish, Request};
 use outrigger::job::record::Record;
 use outrigger::job::state::State;
@@ -74,7 +74,7 @@ impl World {
         settings.waits_for_person = std::mem::take(&mut self.life.confirmed);
         self.note(format!("process {} begins: {begin:?}", self.life.processes));
         self.board.connect(self.now_ns);
-        self.link.open = true;
+        self.open = true;
         let reading = Reading::new(self.plan.commands.clone(), self.life.changed_at);
         self.host = Some(Host::new(settings, reading, &begin, self.now_ms()));
     }
@@ -124,10 +124,8 @@ impl World {
     }
 
     pub(super) fn unplug(&mut self, until_ns: u64) {
-        self.link.gone_until_ns = self.link.gone_until_ns.max(until_ns);
-        self.link.out.cut();
-        self.link.back.cut();
-        let was_open = std::mem::take(&mut self.link.open);
+        self.link.unplug(until_ns);
+        let was_open = std::mem::take(&mut self.open);
         let now_ms = self.now_ms();
         if let Some(host) = self.host.as_mut().filter(|_| was_open) {
             host.link_lost("the device is gone".to_owned(), now_ms);
@@ -135,18 +133,18 @@ impl World {
     }
 
     fn close_port(&mut self) {
-        self.link.open = false;
-        self.link.opens_ns = None;
+        self.open = false;
+        self.opens_ns = None;
         self.link.back.cut();
     }
 
     /// The port is there and wanted.
     pub(super) fn open_port(&mut self) {
-        if self.link.opens_ns.is_none_or(|at_ns| at_ns > self.now_ns) {
+        if self.opens_ns.is_none_or(|at_ns| at_ns > self.now_ns) {
             return;
         }
-        self.link.opens_ns = None;
-        self.link.open = true;
+        self.opens_ns = None;
+        self.open = true;
         self.board.connect(self.now_ns);
         let now_ms = self.now_ms();
         self.note("port open again".to_owned());
@@ -218,7 +216,7 @@ impl World {
 
     /// Whole lines go on their way, unless the port takes nothing.
     fn take_output(&mut self) -> bool {
-        if !self.link.open || self.link.blocked_until_ns > self.now_ns {
+        if !self.open || self.link.blocked_until_ns > self.now_ns {
             return false;
         }
         let Some(host) = self.host.as_mut().filter(|h| !h.output().is_empty()) else {
@@ -232,9 +230,8 @@ impl World {
             let number = number_of(&line);
             let command = self.advance_job(&line);
             self.line_goes_out(&line, command, number);
-            let mishap: Option<Mishap> = self.link.next_lines.pop_front();
-            if self.link.open {
-                self.link.out.send(line, mishap, self.now_ns, &mut self.dice);
+            if self.open {
+                self.link.send(line, self.now_ns, &mut self.dice);
             }
         }
         true
@@ -262,14 +259,14 @@ impl World {
         match host.port() {
             PortWish::Keep => false,
             PortWish::Reopen => {
-                if self.link.opens_ns.is_some() || self.link.open {
+                if self.opens_ns.is_some() || self.open {
                     return false;
                 }
-                self.link.opens_ns = Some(self.now_ns.max(self.link.gone_until_ns) + REOPEN_NS);
+                self.opens_ns = Some(self.now_ns.max(self.link.gone_until_ns) + REOPEN_NS);
                 false
             }
             PortWish::HardStop => {
-                let resets = self.plan.hard_stop && self.link.open;
+                let resets = self.plan.hard_stop && self.open;
                 if resets {
                     self.board.inject(self.now_ns, reset());
                 }
@@ -316,7 +313,7 @@ fn ending_words(ending: &outrigger::printer::session::Ending) -> String {
 }
 
 /// The command of a framed line.
-pub(super) fn command_of(line: &[u8]) -> Option<&[u8]> {
+pub(crate) fn command_of(line: &[u8]) -> Option<&[u8]> {
     let line = line.strip_prefix(b"N")?;
     let digits = line.iter().take_while(|b| b.is_ascii_digit()).count();
     let line = line[digits..].strip_prefix(b" ")?;
@@ -325,7 +322,7 @@ pub(super) fn command_of(line: &[u8]) -> Option<&[u8]> {
 }
 
 /// Its number.
-fn number_of(line: &[u8]) -> Option<i64> {
+pub(crate) fn number_of(line: &[u8]) -> Option<i64> {
     let digits = line.strip_prefix(b"N")?;
     let end = digits.iter().take_while(|b| b.is_ascii_digit()).count();
     std::str::from_utf8(&digits[..end]).ok()?.parse().ok()
