@@ -9,7 +9,6 @@ use super::{check, files, mock as mock_verb, picture, post, print, say};
 use crate::printer::mock::{self, Faults, Stats};
 use crate::profile::{Profile, load_printer};
 use anyhow::{Context, bail};
-use std::future::Future;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -75,9 +74,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let started = Instant::now();
     let runtime = print::runtime()?;
     // From here on a signal leaves no half-written file: it waits for the print, which ends in safety.
-    let stops = {
+    let letters = {
         let _inside = runtime.enter();
-        print::stops()?
+        print::letters()?
     };
     let paths = Paths::new(args.dir.as_deref())?;
     sample(&paths)?;
@@ -86,7 +85,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     look(&paths)?;
     let profile = load_printer(PROFILE)?;
     let printer = printer(args, &profile)?;
-    let stats = stream(&runtime, &paths, &profile, printer, args.speed, stops)?;
+    let stats = stream(&runtime, &paths, &profile, printer, args.speed, letters)?;
     let printed = std::fs::read(&paths.reordered)
         .with_context(|| format!("cannot read {}", paths.reordered.display()))?;
     let arrived = Arrived::new(stats, &printed);
@@ -237,7 +236,7 @@ fn stream(
     profile: &Profile,
     printer: mock::Handle,
     speed: f64,
-    stops: (impl Future<Output = ()>, impl Future<Output = ()>),
+    letters: print::Letters,
 ) -> anyhow::Result<Stats> {
     heading(6, "Print it (outrigger print)");
     let printing = print::Printing {
@@ -251,7 +250,7 @@ fn stream(
         verbose: false,
         speed,
     };
-    runtime.block_on(print::print(printing, stops))?;
+    runtime.block_on(print::print(printing, letters, None))?;
     Ok(printer.stop()?)
 }
 

@@ -10,6 +10,7 @@ use super::super::planner::Cornering;
 use super::super::report;
 use super::super::words::Command;
 use super::Firmware;
+use super::watch::Did;
 use super::wait::{After, HEAT_REPORT_NS, Heat, Wait};
 
 /// Marlin's EXTRUDE_MINTEMP.
@@ -58,6 +59,7 @@ impl Firmware {
             return;
         };
         let command = Command::parse(&line);
+        self.note(|| Did::Took { number, command: command.whole.to_vec() });
         let waits = match command.letter {
             b'G' => self.g(&command),
             b'M' => self.m(&command),
