@@ -262,7 +262,7 @@ fn stream(
             begin: Begin::Fresh,
             // The job brings its own start and end, and nothing else is to be compared.
             macros: false,
-            waits_for_person: false,
+            person: print::Person::Away,
             verbose: false,
             speed,
         };

@@ -1,9 +1,10 @@
-//! `outrigger jobs list | show ID | forget ID`: what is written down of jobs.
+//! `outrigger jobs list | show ID | resume ID | forget ID`: what is written down of jobs.
 //!
 //! One verb a file below; what they tell of a job is put together in `facts`.
 mod facts;
 mod forget;
 mod list;
+mod resume;
 mod show;
 mod when;
 
@@ -53,6 +54,12 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Goes on with a job that was broken off.
+    ///
+    /// A printer that kept its state goes on in the middle of the layer, every line once. One
+    /// that was reset or lost its power is told where its nozzle stands, after a person has
+    /// said that part and nozzle are clear; what will be done is shown before.
+    Resume(resume::Args),
     /// Forgets a job for ever: its records, not its file.
     Forget {
         /// The job's number.
@@ -74,6 +81,7 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     match args.verb {
         Verb::List { json } => list::run(store()?.as_ref(), json),
         Verb::Show { id, json } => show::run(store()?.as_ref(), id, json),
+        Verb::Resume(args) => resume::run(store()?.as_ref(), &args),
         Verb::Forget { id, yes } => forget::run(store()?.as_ref(), id, yes),
     }
 }

@@ -46,6 +46,12 @@ enum Verb {
     Profile(profile::Args),
 }
 
+/// What a host needs of a printer's profile; `macros`: whether its start and end macros go
+/// around the file. For the rig, which prints without the command line.
+pub fn host_settings(profile: &crate::profile::Profile, macros: bool) -> crate::job::host::HostSettings {
+    print::settings::of(profile, macros)
+}
+
 /// Runs the verb that the command line names.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();

@@ -3,7 +3,7 @@
 //! The whole file is checked before the first line goes out. Ctrl-C (or SIGTERM,
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
-mod cases;
+pub(super) mod cases;
 mod folder;
 mod job;
 mod keys;
@@ -15,7 +15,7 @@ mod show;
 mod verdict;
 mod words;
 
-pub(super) use folder::Folder;
+pub(super) use folder::{Folder, lasting_port};
 pub(super) use job::{Job, now_unix_s};
 pub(super) use letters::{Letters, letters};
 
@@ -32,7 +32,6 @@ use crate::printer::port::OpenMode;
 use crate::profile::printer::HardStop;
 use crate::profile::{Profile, load_printer};
 use anyhow::Context;
-use folder::lasting_port;
 use keys::Keys;
 use marks::Marks;
 use show::Show;
@@ -146,7 +145,7 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
             held,
             begin: Begin::Fresh,
             macros: !args.no_macros,
-            waits_for_person: false,
+            person: Person::Away,
             verbose: args.verbose,
             speed: mock.as_ref().map_or(1.0, |_| args.mock_speed),
         };
@@ -164,8 +163,19 @@ fn not_recorded(why: &dyn std::fmt::Display) {
     );
 }
 
+/// Who says that part and nozzle are clear before the way back into a job runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Person {
+    /// Nobody: the job ends there, to be resumed later.
+    Away,
+    /// Somebody who is asked.
+    Asked,
+    /// Somebody who has said so.
+    Sure,
+}
+
 /// How the user may speak while a job runs.
-enum Listening {
+pub(super) enum Listening {
     /// The terminal's keys.
     Keys { _restore: Keys },
     /// Lines on standard input.
@@ -175,7 +185,11 @@ enum Listening {
 }
 
 impl Listening {
-    fn start(commands: bool, letters: &Letters) -> anyhow::Result<Self> {
+    /// Begins to listen: to words on standard input, or to keys where it is a terminal.
+    ///
+    /// # Errors
+    /// The system has no thread left.
+    pub(super) fn start(commands: bool, letters: &Letters) -> anyhow::Result<Self> {
         let post = letters.post.clone();
         if commands {
             words::listen(post).context("cannot read commands")?;
@@ -184,7 +198,16 @@ impl Listening {
         Ok(Keys::listen(post).map_or(Listening::No, |keys| Listening::Keys { _restore: keys }))
     }
 
-    fn hint(&self) -> Option<&'static str> {
+    /// Who can be asked.
+    pub(super) fn person(&self) -> Person {
+        match self {
+            Listening::Keys { .. } | Listening::Words => Person::Asked,
+            Listening::No => Person::Away,
+        }
+    }
+
+    /// What a person may do, to be told at the start.
+    pub(super) fn hint(&self) -> Option<&'static str> {
         match self {
             Listening::Keys { .. } => Some(keys::HELP),
             Listening::Words | Listening::No => None,
@@ -220,8 +243,8 @@ pub(super) struct Printing<'a> {
     pub(super) begin: Begin,
     /// Whether the profile's start and end macros go around the file.
     pub(super) macros: bool,
-    /// Whether a printer that lost its state waits for a person's word.
-    pub(super) waits_for_person: bool,
+    /// Who says that part and nozzle are clear, if the printer has lost its state.
+    pub(super) person: Person,
     /// Whether every note, resend and probe is shown.
     pub(super) verbose: bool,
     /// How many times faster than life the printer is: 1 but for a mock.
@@ -241,6 +264,7 @@ pub(super) async fn print(
     let marks = Rc::new(RefCell::new(Marks::default()));
     let lines = job.lines(Rc::clone(&marks)).with_context(|| printing.name.clone())?;
     let mut show = Show::new(printing.verbose, job.checked, job.facts, marks, printing.speed);
+    show.answer_plans(printing.person, letters.post.clone());
     if let Some(hint) = hint {
         show.hint(hint);
     }
@@ -256,7 +280,7 @@ pub(super) async fn print(
     };
     let scribe = printing.held.map(start).transpose()?;
     let mut settings = settings::of(profile, printing.macros);
-    settings.waits_for_person = printing.waits_for_person;
+    settings.waits_for_person = printing.person != Person::Away;
     if connection.awake {
         settings.session.boot_wait_ms = 0;
     }

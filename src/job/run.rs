@@ -12,6 +12,7 @@
 use super::host::{Host, HostEvent, PortWish, Request};
 use super::recover::Plan;
 use super::scribe::Scribe;
+use super::state::State;
 use crate::printer::find::{Identity, Places, reopen};
 use crate::printer::port::{Moved, Port, PortError};
 use crate::printer::session::Outcome;
@@ -155,6 +156,8 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
             biased;
             letter = mail.recv(), if mail_open => match letter {
                 Some(Mail::Quit) => return End::Quit,
+                // A broken-off job that waits for a word is left as it is.
+                Some(Mail::Ask(Request::Cancel)) if host.state() == State::Interrupted => return End::Quit,
                 Some(letter) => run.read(letter, host, &mut link),
                 // Nobody is left who could write.
                 None => mail_open = false,

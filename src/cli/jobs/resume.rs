@@ -4,7 +4,7 @@
 //! kept its state goes on at once. One that lost it waits for a person's word that part
 //! and nozzle are clear, and is told in advance what will be done.
 use crate::cli::guard;
-use crate::cli::print::{Job, Listening, Printing, lasting_port, letters, print, runtime};
+use crate::cli::print::{Job, Listening, Person, Printing, lasting_port, letters, print, runtime};
 use crate::cli::say;
 use crate::cli::serial::{Baud, rate};
 use crate::job::disk::{HeldJob, JobId, Store, StoreError};
@@ -116,10 +116,7 @@ fn resume(
     };
     let wanted: Wanted = args.port.as_ref().unwrap_or(device).parse()?;
     let rate = rate(args.baud, *baud);
-    let begin = match args.yes_part_and_nozzle_are_clear {
-        false => Begin::TakeOver { log: Box::new(log.clone()) },
-        true => Begin::TakeOver { log: Box::new(log.clone()) },
-    };
+    let begin = Begin::TakeOver { log: Box::new(log.clone()) };
     runtime()?.block_on(async {
         let letters = letters()?;
         // Boards that opening resets say `start`; that is heard by the host.
@@ -130,6 +127,11 @@ fn resume(
         if !args.no_guard {
             guard::start(store, held.id);
         }
+        let listening = Listening::start(args.commands, &letters)?;
+        let person = match args.yes_part_and_nozzle_are_clear {
+            true => Person::Sure,
+            false => listening.person(),
+        };
         let printing = Printing {
             name: job.accepted.path.display().to_string(),
             job,
@@ -140,11 +142,10 @@ fn resume(
             held: Some(held),
             begin,
             macros: !args.no_macros,
-            person: person(args),
+            person,
             verbose: args.verbose,
             speed: 1.0,
         };
-        let listening = Listening::start(args.commands, &letters)?;
         print(printing, letters, listening.hint()).await?;
         Ok(ExitCode::SUCCESS)
     })

@@ -19,7 +19,7 @@ pub(super) fn max_line(profile: &Profile) -> Option<usize> {
 }
 
 /// How long a board may be silent after its port was opened.
-pub(super) fn boot_wait_ms(profile: &Profile) -> u64 {
+pub(in crate::cli) fn boot_wait_ms(profile: &Profile) -> u64 {
     match profile.serial.dtr_reset {
         true => DEFAULT_BOOT_WAIT_MS,
         false => NO_RESET_WAIT_MS,

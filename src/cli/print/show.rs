@@ -3,12 +3,14 @@
 //! Takes the session's events and the lines that are acknowledged. All goes to
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
+use super::Person;
 use super::cases;
 use super::marks::{Facts, Marks};
 use super::news;
 use crate::cli::escape::printable;
-use crate::job::host::HostEvent;
-use crate::job::run::Watcher;
+use crate::job::host::{HostEvent, Request};
+use crate::job::recover::Plan;
+use crate::job::run::{Mail, Watcher};
 use crate::printer::job_file::Checked;
 use crate::printer::session::Event;
 use crate::printer::temperature::{Reading, Temperatures};
@@ -17,6 +19,7 @@ use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
+use tokio::sync::mpsc;
 
 /// The bar is drawn so often; faster cannot be read.
 const BAR_INTERVAL: Duration = Duration::from_millis(200);
@@ -49,6 +52,8 @@ pub(super) struct Show {
     shown: Instant,
     resends: u64,
     probes: u64,
+    person: Person,
+    post: Option<mpsc::Sender<Mail>>,
     /// First words of the commands that the printer did not know.
     unknown: Vec<String>,
 }
@@ -84,6 +89,8 @@ impl Show {
             shown: now,
             resends: 0,
             probes: 0,
+            person: Person::Away,
+            post: None,
             unknown: Vec::new(),
         };
         if checked.shortened > 0 {
@@ -91,6 +98,12 @@ impl Show {
             show.say(&format!("{n} messages (M117, M118) are too long and will be shortened"));
         }
         show
+    }
+
+    /// Who answers when the way back into a job is planned, and where the word goes.
+    pub(super) fn answer_plans(&mut self, person: Person, post: mpsc::Sender<Mail>) {
+        self.person = person;
+        self.post = Some(post);
     }
 
     /// What the user may do, told where a person reads along.
@@ -222,6 +235,11 @@ impl Watcher for Show {
         }
     }
 
+    fn planned(&mut self, plan: &Plan) {
+        self.say(&cases::plan(plan));
+        self.ask();
+    }
+
     fn acknowledged(&mut self, job_line: u64) {
         if job_line == self.line {
             return;
@@ -234,6 +252,22 @@ impl Watcher for Show {
 }
 
 impl Show {
+    /// Nothing moves before a person has said that nothing is in the way.
+    fn ask(&mut self) {
+        match self.person {
+            Person::Sure => {
+                let sent = self.post.as_ref().map(|post| post.try_send(Mail::Ask(Request::Confirm)));
+                if !matches!(sent, Some(Ok(()))) {
+                    self.say("the word that part and nozzle are clear got lost: say it again");
+                }
+            }
+            Person::Asked | Person::Away => self.say(
+                "is the part still in its place, and nothing in the way of the nozzle? Then press y (or \
+                 write `confirm`); Ctrl-C leaves all as it is",
+            ),
+        }
+    }
+
     fn connected(&mut self, firmware: Option<&str>) {
         self.connected = true;
         let name = firmware.unwrap_or("a printer that does not say its name");

@@ -44,6 +44,9 @@ pub(super) fn verdict(
             };
             bail!("{name}: {why}; {}{}", after(*safety), next(id, state))
         }
+        End::Quit if state == State::Interrupted => {
+            bail!("{name}: nothing was done to the printer{}", next(id, state))
+        }
         End::Quit => bail!(
             "{name}: quit at once; the printer goes on with what it has, and HEATERS AND MOTORS \
              STAY AS THEY ARE: switch it off by hand{}",
