@@ -21,12 +21,21 @@ impl Mock {
     }
 
     pub(crate) fn with_faults(options: &[&str], faults: &str) -> Self {
+        Self::board(&[&["--dtr-reset"], options].concat(), faults)
+    }
+
+    /// A board that opening the port does not reset.
+    pub(crate) fn steady(options: &[&str], faults: &str) -> Self {
+        Self::board(options, faults)
+    }
+
+    fn board(options: &[&str], faults: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("faults.toml"), faults).unwrap();
         let child = Command::new(BINARY)
             .current_dir(folder.path())
             .args(["mock", "--link", "tty", "--stats", "stats.json"])
-            .args(["--faults", "faults.toml", "--baud", "0", "--dtr-reset"])
+            .args(["--faults", "faults.toml", "--baud", "0"])
             .args(options)
             .stdout(Stdio::null())
             .stderr(Stdio::null())
@@ -35,6 +44,21 @@ impl Mock {
         let mock = Self { child, folder };
         wait_until("the mock's terminal", || mock.path("tty").exists());
         mock
+    }
+
+    /// A Marlin's profile for it, with keys of its own before the tables.
+    pub(crate) fn profile(&self, keys: &str, tables: &str) -> PathBuf {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("profiles/printers/generic-marlin.toml");
+        let text = fs::read_to_string(path).unwrap().replace("dtr_reset = true", "dtr_reset = false");
+        let path = self.path("steady.toml");
+        fs::write(&path, format!("{keys}\n{text}\n{tables}")).unwrap();
+        path
+    }
+
+    /// What is on record of a job.
+    pub(crate) fn record(&self, id: u32) -> serde_json::Value {
+        let out = output(self.outrigger().args(["jobs", "show", "--json", &id.to_string()]));
+        serde_json::from_slice(&out.stdout).unwrap_or_else(|_| panic!("{}", text(&out.stderr)))
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {
