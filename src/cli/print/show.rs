@@ -3,18 +3,23 @@
 //! Takes the session's events and the lines that are acknowledged. All goes to
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
-use super::escape::printable;
+use super::Person;
+use super::cases;
 use super::marks::{Facts, Marks};
-use crate::printer::drive::Watcher;
+use super::news;
+use crate::cli::escape::printable;
+use crate::job::host::{HostEvent, Request};
+use crate::job::recover::Plan;
+use crate::job::run::{Mail, Watcher};
 use crate::printer::job_file::Checked;
-use crate::printer::reply::Busy;
-use crate::printer::session::{Ending, Event};
+use crate::printer::session::Event;
 use crate::printer::temperature::{Reading, Temperatures};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
+use tokio::sync::mpsc;
 
 /// The bar is drawn so often; faster cannot be read.
 const BAR_INTERVAL: Duration = Duration::from_millis(200);
@@ -47,7 +52,8 @@ pub(super) struct Show {
     shown: Instant,
     resends: u64,
     probes: u64,
-    last_busy: Option<Busy>,
+    person: Person,
+    post: Option<mpsc::Sender<Mail>>,
     /// First words of the commands that the printer did not know.
     unknown: Vec<String>,
 }
@@ -83,7 +89,8 @@ impl Show {
             shown: now,
             resends: 0,
             probes: 0,
-            last_busy: None,
+            person: Person::Away,
+            post: None,
             unknown: Vec::new(),
         };
         if checked.shortened > 0 {
@@ -91,6 +98,17 @@ impl Show {
             show.say(&format!("{n} messages (M117, M118) are too long and will be shortened"));
         }
         show
+    }
+
+    /// Who answers when the way back into a job is planned, and where the word goes.
+    pub(super) fn answer_plans(&mut self, person: Person, post: mpsc::Sender<Mail>) {
+        self.person = person;
+        self.post = Some(post);
+    }
+
+    /// What the user may do, told where a person reads along.
+    pub(super) fn hint(&self, words: &str) {
+        self.say(words);
     }
 
     /// The bar goes; what was said stays.
@@ -127,8 +145,10 @@ impl Show {
     fn status(&self) -> String {
         let marks = self.marks.borrow();
         let mut parts = Vec::with_capacity(4);
-        if self.facts.layers > 0 {
-            parts.push(format!("layer {}/{}", marks.layer, self.facts.layers));
+        match (self.facts.layers, marks.layer) {
+            (0, 0) => {}
+            (0, layer) => parts.push(format!("layer {layer}")),
+            (layers, layer) => parts.push(format!("layer {layer}/{layers}")),
         }
         if let Some(t) = &self.temperatures {
             parts.extend(reading("nozzle", t.hotend()));
@@ -200,20 +220,65 @@ impl Show {
 }
 
 impl Watcher for Show {
-    fn event(&mut self, event: &Event) {
+    fn event(&mut self, event: &HostEvent) {
         match event {
-            Event::Connected { firmware, .. } => {
-                self.connected = true;
-                let name = firmware.as_deref().unwrap_or("a printer that does not say its name");
-                self.say(&format!("connected to {}", printable(name)));
-            }
-            Event::Temperatures(t) => self.temperatures = Some(*t),
-            Event::Busy(busy) => {
-                if self.last_busy != Some(*busy) && *busy != Busy::Processing {
-                    self.say("the printer waits for you: see its display");
+            HostEvent::State(state) => {
+                if let Some(words) = news::state(*state) {
+                    self.say(words);
                 }
-                self.last_busy = Some(*busy);
             }
+            HostEvent::Session(event) => self.session(event),
+            HostEvent::Refused(why) => self.say(&format!("not done: {why}")),
+            HostEvent::Told(words) => self.say(&printable(words)),
+            HostEvent::Case(case) => self.say(&cases::words(case)),
+            HostEvent::Planned => {}
+        }
+    }
+
+    fn planned(&mut self, plan: &Plan) {
+        self.say(&cases::plan(plan));
+        self.ask();
+    }
+
+    fn acknowledged(&mut self, job_line: u64) {
+        if job_line == self.line {
+            return;
+        }
+        self.line = job_line;
+        self.first_line.get_or_insert_with(Instant::now);
+        self.marks.borrow_mut().reach(job_line);
+        self.refresh(self.interval());
+    }
+}
+
+impl Show {
+    /// Nothing moves before a person has said that nothing is in the way.
+    fn ask(&mut self) {
+        match self.person {
+            Person::Sure => {
+                let sent = self.post.as_ref().map(|post| post.try_send(Mail::Ask(Request::Confirm)));
+                if !matches!(sent, Some(Ok(()))) {
+                    self.say("the word that part and nozzle are clear got lost: say it again");
+                }
+            }
+            Person::Asked | Person::Away => self.say(
+                "is the part still in its place, and nothing in the way of the nozzle? Then press y (or \
+                 write `confirm`); Ctrl-C leaves all as it is",
+            ),
+        }
+    }
+
+    fn connected(&mut self, firmware: Option<&str>) {
+        self.connected = true;
+        let name = firmware.unwrap_or("a printer that does not say its name");
+        self.say(&format!("connected to {}", printable(name)));
+    }
+
+    fn session(&mut self, event: &Event) {
+        match event {
+            Event::Connected { firmware, .. } => self.connected(firmware.as_deref()),
+            Event::Temperatures(t) => self.temperatures = Some(*t),
+            Event::Busy(_) => {}
             Event::Resend { n } => {
                 self.resends += 1;
                 if self.verbose {
@@ -230,7 +295,7 @@ impl Watcher for Show {
                 "warning: {resends} resends in {lines} lines; check the cable, its shielding and \
                  the baud rate"
             )),
-            Event::Action(action) => self.say(&format!("printer: {}", printable(&format!("{action:?}")))),
+            Event::Action(action) => self.say(&news::action(action)),
             Event::UnknownCommand(text) => self.unknown(text),
             Event::PrinterError(text) => {
                 // Refused lines are part of a resend.
@@ -246,38 +311,14 @@ impl Watcher for Show {
             Event::Skipped { job_line } => {
                 self.say(&format!("line {job_line} of the file sets the line number (M110) and was left out"))
             }
-            Event::Stopping(ending) => self.say(&match ending {
-                Ending::Cancelled => "cancelling: waiting for what the printer has, then the \
-                                      cancel macro; Ctrl-C again quits at once and leaves \
-                                      heaters as they are"
-                    .to_owned(),
-                Ending::EmergencyStop => "emergency stop".to_owned(),
-                Ending::Failed(why) => {
-                    let why = printable(&why.to_string());
-                    format!("stopping: {why}; sending the cancel macro")
-                }
-            }),
-            Event::Position(_)
-            | Event::Held
-            | Event::OwnDone
-            | Event::LinkLost { .. }
-            | Event::Found(_)
-            | Event::Rejoined { .. }
-            | Event::Prompt(_)
-            | Event::Waiting(_)
-            | Event::EmergencyStopped { .. }
-            | Event::Ended(_) => {}
+            Event::Stopping(ending) => self.say(&news::stopping(ending)),
+            Event::Prompt(prompt) => self.say(&news::prompt(prompt.as_ref())),
+            Event::Waiting(waiting) => self.say(news::waiting(*waiting)),
+            Event::EmergencyStopped { by } => self.say(news::stopped(*by)),
+            Event::LinkLost { reason } => self.say(&printable(reason)),
+            Event::Rejoined { firmware } => self.connected(firmware.as_deref()),
+            Event::Position(_) | Event::Held | Event::OwnDone | Event::Found(_) | Event::Ended(_) => {}
         }
-        self.refresh(self.interval());
-    }
-
-    fn acknowledged(&mut self, job_line: u64) {
-        if job_line == self.line {
-            return;
-        }
-        self.line = job_line;
-        self.first_line.get_or_insert_with(Instant::now);
-        self.marks.borrow_mut().reach(job_line);
         self.refresh(self.interval());
     }
 }
