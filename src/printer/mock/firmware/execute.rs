@@ -10,8 +10,8 @@ use super::super::planner::Cornering;
 use super::super::report;
 use super::super::words::Command;
 use super::Firmware;
-use super::watch::Did;
 use super::wait::{After, HEAT_REPORT_NS, Heat, Wait};
+use super::watch::Did;
 
 /// Marlin's EXTRUDE_MINTEMP.
 const EXTRUDE_MIN_C: f64 = 170.0;
