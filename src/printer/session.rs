@@ -326,6 +326,12 @@ impl Session {
         }
     }
 
+    /// Whether nothing of the job is in flight after [`Session::hold`], so that
+    /// [`Session::run_own`] takes lines.
+    pub fn is_held(&self) -> bool {
+        self.phase == Phase::Job && self.feed == Feed::Held
+    }
+
     /// The number that the next new line gets on the wire.
     pub fn next_number(&self) -> u32 {
         self.window.next()
