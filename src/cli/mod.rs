@@ -6,6 +6,7 @@
 mod check;
 mod demo;
 mod files;
+mod guard;
 mod interrupt;
 mod jobs;
 mod mock;
@@ -37,6 +38,7 @@ enum Verb {
     Print(print::Args),
     Jobs(jobs::Args),
     Mock(mock::Args),
+    Guard(guard::Args),
     Profile(profile::Args),
 }
 
@@ -50,6 +52,7 @@ pub fn main() -> ExitCode {
         Verb::Print(args) => print::run(args),
         Verb::Jobs(args) => jobs::run(args),
         Verb::Mock(args) => mock::run(args),
+        Verb::Guard(args) => guard::run(&args),
         Verb::Profile(args) => profile::run(args),
     };
     match done {
