@@ -6,7 +6,10 @@
 mod tell;
 
 use super::{check, files, mock as mock_verb, picture, post, print, say};
+use crate::job::host::Begin;
+use crate::printer::find::{Places, Rate, Wanted, connect};
 use crate::printer::mock::{self, Faults, Stats};
+use crate::printer::port::OpenMode;
 use crate::profile::{Profile, load_printer};
 use anyhow::{Context, bail};
 use std::io::ErrorKind;
@@ -239,18 +242,33 @@ fn stream(
     letters: print::Letters,
 ) -> anyhow::Result<Stats> {
     heading(6, "Print it (outrigger print)");
-    let printing = print::Printing {
-        job: print::Job::open(&paths.reordered, profile)?,
-        name: files::file_name(&paths.reordered),
-        profile,
-        device: printer.path().display().to_string(),
-        baud: profile.serial.baud,
-        // The job brings its own start and end, and nothing else is to be compared.
-        macros: false,
-        verbose: false,
-        speed,
-    };
-    runtime.block_on(print::print(printing, letters, None))?;
+    // What the demo prints is nobody's job: its records go with it.
+    let records = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let folder = print::Folder::open(Some(records.path()))?;
+    let job = print::Job::open(&paths.reordered, profile, PROFILE, Some(&folder.store))?;
+    let wanted = Wanted::Path(printer.path().display().to_string());
+    let fresh = OpenMode::Fresh { reset: false };
+    let baud = profile.serial.baud;
+    let held = Some(folder.store.accept(&job.accepted)?);
+    let printed = runtime.block_on(async {
+        let printing = print::Printing {
+            job,
+            name: files::file_name(&paths.reordered),
+            profile,
+            connection: connect(&wanted, Rate::Given(baud), fresh, 0, &Places::default()).await?,
+            started: tokio::time::Instant::now(),
+            device: wanted.to_string(),
+            held,
+            begin: Begin::Fresh,
+            // The job brings its own start and end, and nothing else is to be compared.
+            macros: false,
+            waits_for_person: false,
+            verbose: false,
+            speed,
+        };
+        print::print(printing, letters, None).await
+    });
+    printed?;
     Ok(printer.stop()?)
 }
 

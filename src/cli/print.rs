@@ -4,37 +4,42 @@
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
 mod cases;
-mod escape;
+mod folder;
 mod job;
 mod keys;
 mod letters;
 mod marks;
+mod news;
 pub(super) mod settings;
 mod show;
 mod verdict;
 mod words;
 
-pub(super) use job::Job;
+pub(super) use folder::Folder;
+pub(super) use job::{Job, now_unix_s};
 pub(super) use letters::{Letters, letters};
 
+use super::guard;
+use super::serial::{Baud, rate};
+use crate::job::disk::HeldJob;
 use crate::job::host::{Begin, Host};
-use crate::job::run::{Reopen, Wires, run as run_host};
-use crate::printer::job_file::Reader;
+use crate::job::record::Record;
+use crate::job::run::{Wires, run as run_host};
+use crate::job::scribe::Scribe;
+use crate::printer::find::{Connection, Places, Wanted, connect};
 use crate::printer::mock;
-use crate::printer::port::Port;
+use crate::printer::port::OpenMode;
 use crate::profile::printer::HardStop;
 use crate::profile::{Profile, load_printer};
 use anyhow::Context;
+use folder::lasting_port;
 use keys::Keys;
 use marks::Marks;
 use show::Show;
 use std::cell::RefCell;
-use std::future::Future;
 use std::path::PathBuf;
-use std::pin::Pin;
 use std::process::ExitCode;
 use std::rc::Rc;
-use std::time::Duration;
 use tokio::runtime::Runtime;
 use tokio::time::Instant;
 
@@ -51,13 +56,14 @@ const DEFAULT_PROFILE: &str = "generic-marlin";
 pub(super) struct Args {
     /// The G-code file, text or binary (.bgcode).
     file: PathBuf,
-    /// The printer's serial port, such as /dev/ttyUSB0; `mock` prints to a mock
-    /// printer that is started for it.
-    #[arg(long, value_name = "DEV|mock")]
+    /// The printer's serial port: a path such as /dev/ttyUSB0, `usb:` and its serial
+    /// number (see `outrigger ports`), `auto` for the only one that answers, or `mock`
+    /// for a mock printer that is started for it.
+    #[arg(long, value_name = "DEV|usb:N|auto|mock")]
     port: String,
-    /// Bits per second; the profile's if not given.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    baud: Option<u32>,
+    /// Bits per second; the profile's if not given. `auto` tries the usual ones.
+    #[arg(long, value_name = "N|auto")]
+    baud: Option<Baud>,
     /// The printer's profile: a name from `outrigger profile list`, or a file.
     #[arg(long, value_name = "NAME", default_value = DEFAULT_PROFILE)]
     profile: String,
@@ -67,6 +73,17 @@ pub(super) struct Args {
     /// With `--port mock`: how many times faster than life it is.
     #[arg(long, value_name = "K", default_value_t = 10.0, value_parser = super::mock::speed)]
     mock_speed: f64,
+    /// The folder of the jobs' records; by itself $OUTRIGGER_STATE, $STATE_DIRECTORY or
+    /// ~/.local/state/outrigger.
+    #[arg(long, value_name = "DIR")]
+    state: Option<PathBuf>,
+    /// Nothing of an earlier job is on the bed: that job is given up.
+    #[arg(long)]
+    part_removed: bool,
+    /// Start no guardian, which switches the printer's heaters off if this process dies
+    /// and nobody resumes the job (see `outrigger guard`).
+    #[arg(long)]
+    no_guard: bool,
     /// Read requests from standard input, a line each: pause, resume, cancel, stop,
     /// answer N, send GCODE.
     #[arg(long)]
@@ -79,21 +96,57 @@ pub(super) struct Args {
 /// Runs the verb. See [`Args`].
 pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     let profile = load_printer(&args.profile)?;
-    let job = Job::open(&args.file, &profile)?;
-    let baud = args.baud.unwrap_or(profile.serial.baud);
+    let is_mock = args.port == "mock";
+    // A mock's job ends with its printer: it is written down for who wants to look at that.
+    let folder = match Folder::open(args.state.as_deref()) {
+        _ if is_mock && args.state.is_none() => None,
+        Ok(folder) => Some(folder),
+        Err(why) => {
+            not_recorded(&why);
+            None
+        }
+    };
+    let wanted: Wanted = args.port.parse()?;
+    let name = folder::lasting_name(&args.profile)?;
+    let job = Job::open(&args.file, &profile, &name, folder.as_ref().map(|f| &f.store))?;
+    let rate = rate(args.baud, profile.serial.baud);
     runtime()?.block_on(async {
         let letters = letters()?;
-        let mock = match args.port.as_str() {
-            "mock" => Some(start_mock(&profile, baud, args.mock_speed)?),
-            _ => None,
+        let mock = if is_mock { Some(start_mock(&profile, rate.first(), args.mock_speed)?) } else { None };
+        let wanted = mock.as_ref().map_or(wanted, |m| Wanted::Path(m.path().display().to_string()));
+        // Before the job is accepted: one that has no printer is none. And before the printer's port
+        // is opened, which may reset it, as far as it is known already.
+        let clear = |port: &str| match folder.as_ref().filter(|_| !is_mock) {
+            Some(folder) => folder.clear_bed(port, args.part_removed),
+            None => Ok(()),
         };
+        clear(&wanted.to_string())?;
+        let mode = OpenMode::Fresh { reset: profile.serial.dtr_reset };
+        let boot_ms = settings::boot_wait_ms(&profile);
+        let connection = connect(&wanted, rate, mode, boot_ms, &Places::default()).await?;
+        let started = Instant::now();
+        let device = lasting_port(&wanted, connection.port.path());
+        clear(&device)?;
+        let held = folder
+            .as_ref()
+            .and_then(|folder| folder.store.accept(&job.accepted).inspect_err(|why| not_recorded(why)).ok());
+        if let (Some(folder), Some(held)) = (&folder, &held)
+            && !args.no_guard
+            && mock.is_none()
+        {
+            guard::start(&folder.store, held.id);
+        }
         let printing = Printing {
             job,
             name: args.file.display().to_string(),
             profile: &profile,
-            device: mock.as_ref().map_or_else(|| args.port.clone(), |m| m.path().display().to_string()),
-            baud,
+            connection,
+            started,
+            device,
+            held,
+            begin: Begin::Fresh,
             macros: !args.no_macros,
+            waits_for_person: false,
             verbose: args.verbose,
             speed: mock.as_ref().map_or(1.0, |_| args.mock_speed),
         };
@@ -101,6 +154,14 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
         print(printing, letters, listening.hint()).await?;
         Ok(ExitCode::SUCCESS)
     })
+}
+
+/// A job that cannot be written down is printed nevertheless: nobody waits for a disk
+/// with a printer at hand, but they must know.
+fn not_recorded(why: &dyn std::fmt::Display) {
+    eprintln!(
+        "outrigger: warning: {why}; the job is printed, but cannot be resumed after a crash or a power cut"
+    );
 }
 
 /// How the user may speak while a job runs.
@@ -147,39 +208,24 @@ pub(super) struct Printing<'a> {
     pub(super) name: String,
     /// The printer's profile.
     pub(super) profile: &'a Profile,
-    /// The serial port.
+    /// The printer…
+    pub(super) connection: Connection,
+    /// …and when its port was opened.
+    pub(super) started: Instant,
+    /// What names it in the job's records.
     pub(super) device: String,
-    /// Bits per second.
-    pub(super) baud: u32,
+    /// The job's records; `None`: it is not written down.
+    pub(super) held: Option<HeldJob>,
+    /// How it begins.
+    pub(super) begin: Begin,
     /// Whether the profile's start and end macros go around the file.
     pub(super) macros: bool,
+    /// Whether a printer that lost its state waits for a person's word.
+    pub(super) waits_for_person: bool,
     /// Whether every note, resend and probe is shown.
     pub(super) verbose: bool,
     /// How many times faster than life the printer is: 1 but for a mock.
     pub(super) speed: f64,
-}
-
-/// Where the printer was found, to find it again.
-struct Place {
-    device: String,
-    baud: u32,
-}
-
-/// Between two looks for a port that is gone.
-const LOOK_EVERY: Duration = Duration::from_millis(250);
-
-impl Reopen for Place {
-    fn reopen(&self) -> Pin<Box<dyn Future<Output = Port>>> {
-        let (device, baud) = (self.device.clone(), self.baud);
-        Box::pin(async move {
-            loop {
-                tokio::time::sleep(LOOK_EVERY).await;
-                if let Ok(port) = Port::open(&device, baud) {
-                    return port;
-                }
-            }
-        })
-    }
 }
 
 /// Prints a job to its end, or until its mail ends it; `hint` is shown at the start.
@@ -191,34 +237,42 @@ pub(super) async fn print(
     letters: Letters,
     hint: Option<&str>,
 ) -> anyhow::Result<()> {
-    let Printing { mut job, profile, .. } = printing;
-    job.rewind()?;
-    let port = Port::open(&printing.device, printing.baud)?;
-    let started = Instant::now();
+    let Printing { job, profile, started, connection, .. } = printing;
     let marks = Rc::new(RefCell::new(Marks::default()));
-    let read_marks = Rc::clone(&marks);
-    let file = Reader::new(&job.file, job.checked, move |number, line: &[u8]| {
-        read_marks.borrow_mut().see(number, line);
-    });
+    let lines = job.lines(Rc::clone(&marks)).with_context(|| printing.name.clone())?;
     let mut show = Show::new(printing.verbose, job.checked, job.facts, marks, printing.speed);
     if let Some(hint) = hint {
         show.hint(hint);
     }
-    let place = Place { device: printing.device, baud: printing.baud };
-    let mut host = Host::new(settings::of(profile, printing.macros), file, &Begin::Fresh, 0);
-    let hard_stop = profile.serial.hard_stop() == HardStop::Dtr;
+    let id = printing.held.as_ref().map(|held| held.id);
+    let opened = Record::Opened {
+        port: printing.device.clone(),
+        baud: connection.port.baud(),
+        at_unix_s: now_unix_s(),
+    };
+    let start = |mut held: HeldJob| {
+        held.journal.append(&opened);
+        Scribe::start(held, letters.post.clone()).context("cannot start the journal's thread")
+    };
+    let scribe = printing.held.map(start).transpose()?;
+    let mut settings = settings::of(profile, printing.macros);
+    settings.waits_for_person = printing.waits_for_person;
+    if connection.awake {
+        settings.session.boot_wait_ms = 0;
+    }
+    let mut host = Host::new(settings, lines, &printing.begin, 0);
     let wires = Wires {
-        port,
-        hard_stop,
-        reopen: &place,
-        scribe: None,
+        port: connection.port,
+        hard_stop: profile.serial.hard_stop() == HardStop::Dtr,
+        identity: connection.identity,
+        scribe,
         mail: letters.mail,
         watcher: &mut show,
         started,
     };
     let end = run_host(&mut host, wires).await;
     show.finish();
-    verdict::verdict(&printing.name, end, &show)
+    verdict::verdict(&printing.name, id, &end, host.state(), &show)
 }
 
 /// The printer behind `--port mock`: the profile's machine.

@@ -245,7 +245,7 @@ impl Log {
     pub fn distrust(&mut self) {
         self.damaged = true;
         self.numbers = Numbers::unknown();
-        if !matches!(self.state, State::Finished | State::Cancelled | State::Failed) {
+        if !self.state.is_over() {
             self.state = State::Interrupted;
         }
     }

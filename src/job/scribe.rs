@@ -3,6 +3,7 @@
 //! Takes records in order, appends all that wait, syncs once for all of them, and tells
 //! how many are kept. A medium that refuses is tried again and again;
 //! nothing is left out. Knows no host and no port.
+use super::disk::HeldJob;
 use super::record::Record;
 use super::run::Mail;
 use std::io;
@@ -23,6 +24,16 @@ pub trait Keep: Send + 'static {
     /// # Errors
     /// The medium's, in words. Called again until it succeeds; nothing is appended anew.
     fn sync(&mut self) -> Result<(), String>;
+}
+
+impl Keep for HeldJob {
+    fn append(&mut self, record: &Record) {
+        self.journal.append(record);
+    }
+
+    fn sync(&mut self) -> Result<(), String> {
+        self.journal.sync().map_err(|e| e.to_string())
+    }
 }
 
 /// The thread's handle. Dropped, the thread ends after what it was given.

@@ -172,6 +172,9 @@ pub struct Session {
     person: person::Person,
     /// The system may hold bytes that are not to be sent any more.
     flush: bool,
+    /// The printer has said that it accepted every line up to this one: by its number,
+    /// or by M105's `ok`. A bare `ok` does not say so.
+    proved_through: u32,
     /// Last job line that was acknowledged.
     job_acked: u64,
     lines_sent: u64,
@@ -205,6 +208,7 @@ impl Session {
             asked: None,
             person: person::Person::default(),
             flush: false,
+            proved_through: 0,
             job_acked: 0,
             lines_sent: 0,
             answers: answers::Answers::default(),

@@ -4,14 +4,13 @@
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
 use super::cases;
-use super::escape::printable;
 use super::marks::{Facts, Marks};
+use super::news;
+use crate::cli::escape::printable;
 use crate::job::host::HostEvent;
 use crate::job::run::Watcher;
-use crate::job::state::State;
 use crate::printer::job_file::Checked;
-use crate::printer::reply::Busy;
-use crate::printer::session::{Ending, Event};
+use crate::printer::session::Event;
 use crate::printer::temperature::{Reading, Temperatures};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::cell::RefCell;
@@ -50,7 +49,6 @@ pub(super) struct Show {
     shown: Instant,
     resends: u64,
     probes: u64,
-    last_busy: Option<Busy>,
     /// First words of the commands that the printer did not know.
     unknown: Vec<String>,
 }
@@ -86,7 +84,6 @@ impl Show {
             shown: now,
             resends: 0,
             probes: 0,
-            last_busy: None,
             unknown: Vec::new(),
         };
         if checked.shortened > 0 {
@@ -135,8 +132,10 @@ impl Show {
     fn status(&self) -> String {
         let marks = self.marks.borrow();
         let mut parts = Vec::with_capacity(4);
-        if self.facts.layers > 0 {
-            parts.push(format!("layer {}/{}", marks.layer, self.facts.layers));
+        match (self.facts.layers, marks.layer) {
+            (0, 0) => {}
+            (0, layer) => parts.push(format!("layer {layer}")),
+            (layers, layer) => parts.push(format!("layer {layer}/{layers}")),
         }
         if let Some(t) = &self.temperatures {
             parts.extend(reading("nozzle", t.hotend()));
@@ -207,34 +206,11 @@ impl Show {
     }
 }
 
-/// A state in words, where it is news to the user. How a job ends is the verdict's matter.
-fn news(state: State) -> Option<&'static str> {
-    Some(match state {
-        State::Pausing => "pausing: waiting for what the printer has, then it is parked",
-        State::Paused => "paused: parked, heaters as they were; waiting for you",
-        State::Resuming => "resuming: going back to where it was",
-        State::Asking => "the printer waits for you: resume when it is done",
-        State::Lost => "the connection is lost: waiting for the printer's port to come back",
-        State::TakingOver => "connected again: asking the printer where it is",
-        State::Recovering => "going back to where the print broke off",
-        State::Ending => "the last line is sent: waiting for the last moves",
-        State::Interrupted => "broken off; the part is on the bed",
-        State::Printing
-        | State::Accepted
-        | State::Starting
-        | State::Cancelling
-        | State::Failing
-        | State::Finished
-        | State::Cancelled
-        | State::Failed => return None,
-    })
-}
-
 impl Watcher for Show {
     fn event(&mut self, event: &HostEvent) {
         match event {
             HostEvent::State(state) => {
-                if let Some(words) = news(*state) {
+                if let Some(words) = news::state(*state) {
                     self.say(words);
                 }
             }
@@ -258,20 +234,17 @@ impl Watcher for Show {
 }
 
 impl Show {
+    fn connected(&mut self, firmware: Option<&str>) {
+        self.connected = true;
+        let name = firmware.unwrap_or("a printer that does not say its name");
+        self.say(&format!("connected to {}", printable(name)));
+    }
+
     fn session(&mut self, event: &Event) {
         match event {
-            Event::Connected { firmware, .. } => {
-                self.connected = true;
-                let name = firmware.as_deref().unwrap_or("a printer that does not say its name");
-                self.say(&format!("connected to {}", printable(name)));
-            }
+            Event::Connected { firmware, .. } => self.connected(firmware.as_deref()),
             Event::Temperatures(t) => self.temperatures = Some(*t),
-            Event::Busy(busy) => {
-                if self.last_busy != Some(*busy) && *busy != Busy::Processing {
-                    self.say("the printer waits for you: see its display");
-                }
-                self.last_busy = Some(*busy);
-            }
+            Event::Busy(_) => {}
             Event::Resend { n } => {
                 self.resends += 1;
                 if self.verbose {
@@ -288,7 +261,7 @@ impl Show {
                 "warning: {resends} resends in {lines} lines; check the cable, its shielding and \
                  the baud rate"
             )),
-            Event::Action(action) => self.say(&format!("printer: {}", printable(&format!("{action:?}")))),
+            Event::Action(action) => self.say(&news::action(action)),
             Event::UnknownCommand(text) => self.unknown(text),
             Event::PrinterError(text) => {
                 // Refused lines are part of a resend.
@@ -304,27 +277,13 @@ impl Show {
             Event::Skipped { job_line } => {
                 self.say(&format!("line {job_line} of the file sets the line number (M110) and was left out"))
             }
-            Event::Stopping(ending) => self.say(&match ending {
-                Ending::Cancelled => "cancelling: waiting for what the printer has, then the \
-                                      cancel macro; Ctrl-C again quits at once and leaves \
-                                      heaters as they are"
-                    .to_owned(),
-                Ending::EmergencyStop => "emergency stop".to_owned(),
-                Ending::Failed(why) => {
-                    let why = printable(&why.to_string());
-                    format!("stopping: {why}; sending the cancel macro")
-                }
-            }),
-            Event::Position(_)
-            | Event::Held
-            | Event::OwnDone
-            | Event::LinkLost { .. }
-            | Event::Found(_)
-            | Event::Rejoined { .. }
-            | Event::Prompt(_)
-            | Event::Waiting(_)
-            | Event::EmergencyStopped { .. }
-            | Event::Ended(_) => {}
+            Event::Stopping(ending) => self.say(&news::stopping(ending)),
+            Event::Prompt(prompt) => self.say(&news::prompt(prompt.as_ref())),
+            Event::Waiting(waiting) => self.say(news::waiting(*waiting)),
+            Event::EmergencyStopped { by } => self.say(news::stopped(*by)),
+            Event::LinkLost { reason } => self.say(&printable(reason)),
+            Event::Rejoined { firmware } => self.connected(firmware.as_deref()),
+            Event::Position(_) | Event::Held | Event::OwnDone | Event::Found(_) | Event::Ended(_) => {}
         }
         self.refresh(self.interval());
     }

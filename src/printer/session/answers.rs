@@ -164,11 +164,15 @@ impl Session {
         match (ack.line, ack.temperatures.and(asked)) {
             (_, Some(n)) => {
                 self.window.ack_through(n);
+                self.proved_through = self.proved_through.max(n);
                 self.answers.proved = self.window.is_idle() && self.window.all_sent();
             }
             // A number below the flight was acknowledged by a later one already;
             // one beyond it is garbled, but an `ok` all the same.
-            (Some(n), None) if n < self.window.cursor() => self.window.ack_through(n),
+            (Some(n), None) if n < self.window.cursor() => {
+                self.window.ack_through(n);
+                self.proved_through = self.proved_through.max(n);
+            }
             _ => {
                 self.window.ack_one();
             }

@@ -27,6 +27,7 @@ impl Session {
     /// M110 was acknowledged.
     pub(super) fn numbered(&mut self, then: Then, tries: u32, now_ms: u64) {
         self.window.reset();
+        self.proved_through = 0;
         self.person.forget_strays();
         self.stall.progress(now_ms);
         self.proof_tries = 0;
@@ -190,6 +191,7 @@ impl Session {
             return self.fail_at_once(Failure::BootLoop { starts });
         }
         self.window.reset();
+        self.proved_through = 0;
         self.answers.forget_drain();
         let speak_ms = now_ms + BOOT_QUIET_MS;
         let latest_ms = match self.phase {
@@ -204,6 +206,7 @@ impl Session {
         self.feed = Feed::Open;
         self.drop_what_waits();
         self.window.reset();
+        self.proved_through = 0;
         self.person.forget_strays();
         self.answers.forget_drain();
         self.proof_tries = 0;

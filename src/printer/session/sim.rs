@@ -9,6 +9,8 @@ use crate::printer::window::Limit;
 use proptest::prelude::*;
 use std::collections::VecDeque;
 
+mod breaks;
+
 /// How this firmware differs from others.
 #[derive(Debug, Clone, Copy)]
 struct Habits {
@@ -58,6 +60,12 @@ impl Firmware {
         }
     }
 
+    /// The board starts anew: what it had and knew is gone.
+    fn reset(&mut self) {
+        let accepted = std::mem::take(&mut self.accepted);
+        *self = Self { accepted, overflow: self.overflow, ..Self::new(self.habits) };
+    }
+
     /// Takes the bytes of one line.
     fn receive(&mut self, bytes: &[u8]) {
         self.received += 1;
@@ -74,9 +82,9 @@ impl Firmware {
         while self.queue.len() < 4
             && let Some((byte, of)) = self.rx.pop_front()
         {
-            self.spliced |= self.line_of.is_some_and(|line| line != of);
-            self.line_of = Some(of);
             if byte != b'\n' {
+                self.spliced |= self.line_of.is_some_and(|line| line != of);
+                self.line_of = Some(of);
                 self.line.push(byte);
                 continue;
             }
@@ -406,8 +414,17 @@ fn trials() -> impl Strategy<Value = Trial> {
     })
 }
 
+/// Few enough for every day; `PROPTEST_CASES` asks for more.
+fn cases() -> ProptestConfig {
+    let default = ProptestConfig::default();
+    match std::env::var_os("PROPTEST_CASES") {
+        Some(_) => default,
+        None => ProptestConfig { cases: 64, ..default },
+    }
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+    #![proptest_config(cases())]
 
     /// The sentence that matters: whatever the wire does, every line is accepted
     /// exactly once and in order.

@@ -86,8 +86,10 @@ impl Session {
     /// In a fresh session, which has no window, the next line gets the number after `last`;
     /// M115 and M155 go first, as lines of our own.
     ///
-    /// `false`, and nothing changed, when lines beyond what was acknowledged are not
-    /// known to have been sent, or were forgotten.
+    /// `false`, and nothing changed, when that cannot be: lines up to `last` are not known to
+    /// have been sent, or lines beyond it are proved to have been accepted: the printer
+    /// was reset, or another has spoken to it. A fresh session knows of neither; the
+    /// caller holds `last` against what was written down.
     pub fn go_on(&mut self, last: u32, now_ms: u64) -> bool {
         let Phase::Search(Search::Done(Found::Counting { .. })) = self.phase else {
             return false;
@@ -100,10 +102,12 @@ impl Session {
         let before = self.window.acked();
         if fresh {
             self.window.count_from(last + 1);
+            self.proved_through = last;
         } else if self.unnumbered && last == 0 && self.window.first() > 1 {
             // The link went while M110 was on its way; it had arrived.
             self.window.reset();
-        } else if !self.window.settle(last + 1) {
+            self.proved_through = 0;
+        } else if last < self.proved_through || !self.window.settle(last + 1) {
             return false;
         } else {
             self.acked(before, now_ms);

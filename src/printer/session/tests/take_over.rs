@@ -48,6 +48,10 @@ fn a_port_that_comes_back_goes_on_where_the_printer_is() {
         "{ASKED} {} go 3\n > N4 G1 X1\n> N5 G1 X2\n> N6 G1 X3\n> N7 G1 X4\n> N8 M400",
         refusal(3)
     ));
+    // A reset that nobody heard: lines that it had said to have are gone.
+    for last in [0, 2] {
+        rejoin(&format!("{ASKED} {} no go {last}\n > nothing", refusal(last)));
+    }
     // A number that was never sent.
     rejoin(&format!("{ASKED} {} no go 9\n no go 77\n > nothing\n go 8\n > N9 M105", refusal(77)));
 }
