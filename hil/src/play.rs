@@ -27,8 +27,8 @@ const LIMIT_NS: u64 = 2 * 3_600_000_000_000;
 /// and homing.
 const STALL_S: f64 = 400.0;
 
-/// Lines of the transcript that a failure shows.
-const TAIL_LINES: usize = 60;
+/// Lines of the transcript that a failure shows where nothing else is said.
+pub const TAIL_LINES: usize = 60;
 
 /// Time of one sync where the disk is well, ns.
 const SYNC_NS: u64 = 8_000_000;
@@ -48,12 +48,12 @@ pub struct Played {
 }
 
 impl Played {
-    /// What does not hold, and the tail of the transcript.
-    pub fn complaint(&self) -> Option<String> {
+    /// What does not hold, and the last so many lines of the transcript.
+    pub fn complaint(&self, lines: usize) -> Option<String> {
         if self.wrong.is_empty() {
             return None;
         }
-        let skip = self.report.transcript.len().saturating_sub(TAIL_LINES);
+        let skip = self.report.transcript.len().saturating_sub(lines);
         let tail: Vec<_> = self.report.transcript.iter().skip(skip).map(String::as_str).collect();
         Some(format!("{}\n{}", self.wrong.join("\n"), tail.join("\n")))
     }

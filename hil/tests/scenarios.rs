@@ -1,5 +1,5 @@
 //! Every file under `tests/scenarios` holds in the virtual world.
-use outrigger_hil::play::play;
+use outrigger_hil::play::{TAIL_LINES, play};
 use outrigger_hil::scenario::Scenario;
 use std::path::Path;
 
@@ -7,9 +7,11 @@ fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
-/// `SCENARIO=name cargo test -p outrigger-hil --test scenarios` plays one alone.
+/// `SCENARIO=name cargo test -p outrigger-hil --test scenarios` plays one alone; `LINES=n` shows
+/// so much of its transcript.
 #[test]
 fn every_scenario_holds() {
+    let lines = std::env::var("LINES").ok().and_then(|n| n.parse().ok()).unwrap_or(TAIL_LINES);
     let only = std::env::var("SCENARIO").ok();
     let all = Scenario::load_all(&root().join("tests/scenarios")).unwrap();
     assert!(all.len() >= 1, "{} scenarios", all.len());
@@ -21,7 +23,7 @@ fn every_scenario_holds() {
         }
         played += 1;
         let complaint = match play(&scenario, root()) {
-            Ok(played) => played.complaint(),
+            Ok(played) => played.complaint(lines),
             Err(e) => Some(format!("{e:#}")),
         };
         if let Some(complaint) = complaint {

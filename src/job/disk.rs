@@ -43,7 +43,7 @@ const LOCK_PAUSE: Duration = Duration::from_millis(10);
 
 /// How often a job's lock is tried for: a process that is just being started has its
 /// starter's locks for a moment, even one that the starter has let go of.
-const TAKE_TRIES: u32 = 20;
+const TAKE_TRIES: u32 = 5;
 
 /// Why the folder or a job in it cannot be used.
 #[derive(Debug, Error)]
@@ -294,11 +294,15 @@ impl Store {
     /// # Errors
     /// The folder cannot be used.
     pub fn is_live(&self, id: JobId) -> Result<bool, StoreError> {
-        let folder = self.lock()?;
-        match self.try_lock(id, &folder, false)? {
-            Some(_) => Ok(false),
-            None => Ok(true),
+        for tried in 0..TAKE_TRIES {
+            if tried > 0 {
+                std::thread::sleep(LOCK_PAUSE);
+            }
+            if self.try_lock(id, &self.lock()?, false)?.is_some() {
+                return Ok(false);
+            }
         }
+        Ok(true)
     }
 
     /// Forgets a job for ever. `sure`: even one that might be resumed, or whose journal

@@ -258,6 +258,8 @@ pub struct Host<S> {
     /// Our own lines that run, and the first and last place reported while they do.
     own: Vec<String>,
     reports: [Option<Position>; 2],
+    /// How often it was asked where its head is.
+    asked_where: u32,
     wishes: Wishes,
     parked: Option<Box<Parked>>,
     taken: Option<Box<TakeUp>>,
@@ -299,6 +301,7 @@ impl<S: Source> Host<S> {
             bead_mm: 0.0,
             own: Vec::new(),
             reports: [None; 2],
+            asked_where: 0,
             wishes: Wishes::default(),
             parked: None,
             taken: None,

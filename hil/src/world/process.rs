@@ -7,6 +7,8 @@ use outrigger::job::state::State;
 use outrigger::printer::mock::faults::{Fault, Kind};
 use outrigger::printer::session::{Event, Outcome};
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// From the port being there again to its being open: who waits for it looks now
 /// and then.
@@ -26,7 +28,7 @@ pub(super) struct Life {
     /// What users want, in order.
     pub(super) requests: VecDeque<Request>,
     /// The job's file is another from this command on.
-    changed_at: Option<usize>,
+    changed_at: Arc<AtomicUsize>,
     /// When a person said that part and nozzle are clear.
     pub(super) confirmed_ns: Vec<u64>,
     /// The journal's medium refused, and has kept nothing since.
@@ -43,7 +45,7 @@ impl Default for Life {
             restarts_ns: None,
             confirmed: false,
             requests: VecDeque::new(),
-            changed_at: None,
+            changed_at: Arc::new(AtomicUsize::new(usize::MAX)),
             confirmed_ns: Vec::new(),
             unkept: false,
         }
@@ -75,7 +77,7 @@ impl World {
         self.note(format!("process {} begins: {begin:?}", self.life.processes));
         self.board.connect(self.now_ns);
         self.open = true;
-        let reading = Reading::new(self.plan.commands.clone(), self.life.changed_at);
+        let reading = Reading::new(self.plan.commands.clone(), Arc::clone(&self.life.changed_at));
         self.host = Some(Host::new(settings, reading, &begin, self.now_ms()));
     }
 
@@ -120,7 +122,7 @@ impl World {
     }
 
     pub(super) fn change_file(&mut self) {
-        self.life.changed_at.get_or_insert(self.progress.sent);
+        self.life.changed_at.fetch_min(self.progress.sent, Ordering::Relaxed);
     }
 
     pub(super) fn unplug(&mut self, until_ns: u64) {

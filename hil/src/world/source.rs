@@ -2,6 +2,7 @@
 use outrigger::printer::source::{JobLine, Source, SourceError};
 use outrigger_gcode::checksum::sendable;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The commands of a job.
 #[derive(Debug, Clone)]
@@ -47,24 +48,20 @@ pub struct Reading {
     /// How many were read.
     at: usize,
     /// The file is another from this command on.
-    changed_at: Option<usize>,
+    changed_at: Arc<AtomicUsize>,
 }
 
 impl Reading {
-    /// From the first.
-    pub fn new(commands: Commands, changed_at: Option<usize>) -> Self {
+    /// From the first. Whoever holds `changed_at` may change the file: it is another from that
+    /// command on.
+    pub fn new(commands: Commands, changed_at: Arc<AtomicUsize>) -> Self {
         Self { commands, at: 0, changed_at }
-    }
-
-    /// From here on the file is another.
-    pub fn change(&mut self, at: usize) {
-        self.changed_at = Some(at);
     }
 }
 
 impl Source for Reading {
     fn advance(&mut self) -> Result<bool, SourceError> {
-        if self.changed_at.is_some_and(|at| self.at >= at) {
+        if self.at >= self.changed_at.load(Ordering::Relaxed) {
             let line = self.at as u64;
             return Err(SourceError {
                 line,

@@ -44,7 +44,7 @@ mod tests {
         check(1_795_349_100, "2026-11-22 12:05 UTC");
         check(4_107_542_400, "2100-03-01 00:00 UTC");
         assert!(!date(u64::MAX).is_empty());
-        let check = |s, expect: &str| assert_eq!(ago(1000, 1000 + s), expect);
+        let check = |s: u64, expect: &str| assert_eq!(ago(1000, 1000 + s), expect);
         check(59, "just now");
         check(60, "1 min ago");
         check(7300, "2 h ago");

@@ -17,6 +17,9 @@ use crate::printer::source::Source;
 /// Commands walked at a time: some milliseconds' work.
 const WALK_COMMANDS: usize = 2_048;
 
+/// How often the printer is asked where its head is.
+const ASK_WHERE_TRIES: u32 = 4;
+
 /// What is known of the job that is taken up.
 #[derive(Debug)]
 pub(super) struct TakeUp {
@@ -175,6 +178,12 @@ impl<S: Source> Host<S> {
         if self.closing {
             return;
         }
+        if self.taken.as_ref().is_some_and(|t| t.log.made_safe.is_some()) {
+            // It is cold, and going up once more would take it to the top at last.
+            self.happen(Happening::Reset);
+            self.closing = true;
+            return;
+        }
         let was = self.taken.as_ref().map_or(State::Lost, |t| t.log.state);
         self.happen(if was == State::Cancelling { Happening::Cancel } else { Happening::Fail });
         self.doing = Doing::Finishing;
@@ -308,6 +317,11 @@ impl<S: Source> Host<S> {
             return self.end_again(now_ms);
         }
         let Some(report) = self.reports[1] else {
+            // An `ok` of before we came may have been taken for M114's: once more.
+            self.asked_where += 1;
+            if self.asked_where < ASK_WHERE_TRIES {
+                return self.run(vec!["M114".to_owned()], Doing::Verifying, now_ms);
+            }
             self.say("the printer does not say where its head is");
             return self.not_known(now_ms);
         };

@@ -1,0 +1,192 @@
+//! What is printed on: a real port, the mock on its pseudo-terminal, or OctoPrint's virtual printer.
+use super::{Rig, Sort, tty};
+use crate::scenario::{Fault, Kind, Names, Printer};
+use crate::world::link::ns;
+use outrigger::printer::mock::{self, Config, Deed, Faults, Options, Stats, faults};
+use std::io;
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// How many times faster than life the mechanics of the mock are here: a scenario heats
+/// and homes, and nobody wants to wait for that.
+pub const MOCK_SPEED: f64 = 10.0;
+
+/// Time for the virtual printer's Python to begin.
+const PYTHON_STARTS: Duration = Duration::from_secs(60);
+
+/// What is printed on.
+#[derive(Debug)]
+pub enum Target {
+    /// The mock.
+    Mock(Box<mock::Handle>),
+    /// The virtual printer.
+    Virtual {
+        /// Its process.
+        child: Child,
+        /// Its terminal.
+        link: PathBuf,
+    },
+    /// A real printer's port.
+    Real(PathBuf),
+}
+
+/// OctoPrint's virtual printer, where it is installed.
+#[derive(Debug, Clone)]
+pub struct Octoprint {
+    /// A Python that has the package `octoprint`.
+    pub python: PathBuf,
+    /// The script that puts the virtual printer on a pseudo-terminal.
+    pub script: PathBuf,
+}
+
+impl Target {
+    /// A mock as the scenario wants it.
+    ///
+    /// # Errors
+    /// There is no such personality, or no pseudo-terminal.
+    pub fn mock(printer: &Printer) -> anyhow::Result<Self> {
+        let mut config = match &printer.personality {
+            Some(Names::One(name)) => crate::play::personality(name)?,
+            _ => Config::default(),
+        };
+        config.speed = printer.speed.unwrap_or(1.0) * MOCK_SPEED;
+        config.dtr_reset |= printer.dtr_reset;
+        let handle = mock::spawn(Options { config, faults: Faults::default(), ..Options::default() })?;
+        handle.watch();
+        Ok(Self::Mock(Box::new(handle)))
+    }
+
+    /// The virtual printer with its own default faults.
+    ///
+    /// # Errors
+    /// It does not start.
+    pub fn octoprint(octoprint: &Octoprint, folder: &Path) -> anyhow::Result<Self> {
+        let link = folder.join("virtual");
+        let mut child = Command::new(&octoprint.python)
+            .arg(&octoprint.script)
+            .arg("--link")
+            .arg(&link)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()?;
+        let until = Instant::now() + PYTHON_STARTS;
+        while !link.exists() {
+            if let Some(status) = child.try_wait()? {
+                anyhow::bail!("the virtual printer ended ({status}): is octoprint installed?");
+            }
+            if Instant::now() >= until {
+                let _ = child.kill();
+                anyhow::bail!("the virtual printer did not start within {PYTHON_STARTS:?}");
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Ok(Self::Virtual { child, link })
+    }
+
+    /// Which sort it is.
+    pub fn sort(&self) -> Sort {
+        match self {
+            Self::Mock(_) => Sort::Mock,
+            Self::Virtual { .. } => Sort::Virtual,
+            Self::Real(_) => Sort::Real,
+        }
+    }
+
+    /// The device to open.
+    pub fn device(&self) -> &Path {
+        match self {
+            Self::Mock(handle) => handle.path(),
+            Self::Virtual { link, .. } => link,
+            Self::Real(path) => path,
+        }
+    }
+
+    /// How many times faster than life its mechanics are.
+    pub fn speed(&self) -> f64 {
+        match self {
+            Self::Mock(_) => MOCK_SPEED,
+            _ => 1.0,
+        }
+    }
+
+    /// Something happens to the board. `number` is the line's that it is to happen to.
+    ///
+    /// # Errors
+    /// The rig's means fail.
+    pub fn happen(
+        &self,
+        fault: &Fault,
+        number: Option<i64>,
+        fd: &OwnedFd,
+        baud: u32,
+        rig: &Rig,
+    ) -> io::Result<()> {
+        match self {
+            Self::Mock(handle) => handle.inject(of_mock(fault, number)),
+            _ if fault.kind == Kind::PowerCut => {
+                shell(rig.power_off.as_deref())?;
+                std::thread::sleep(Duration::from_nanos(ns(fault.for_s.unwrap_or_default())));
+                shell(rig.power_on.as_deref())?;
+            }
+            _ if fault.kind == Kind::Reset => tty::reset_board(fd, baud)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// What the board did, where it can be asked.
+    pub fn deeds(&self) -> Option<(Vec<Deed>, Stats)> {
+        match self {
+            Self::Mock(handle) => {
+                let stats = handle.stats();
+                Some((handle.take_deeds(), stats))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Drop for Target {
+    fn drop(&mut self) {
+        if let Self::Virtual { child, .. } = self {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn shell(command: Option<&str>) -> io::Result<()> {
+    let Some(command) = command else {
+        return Ok(());
+    };
+    let status = Command::new("sh").arg("-c").arg(command).status()?;
+    match status.success() {
+        true => Ok(()),
+        false => Err(io::Error::other(format!("{command:?} failed ({status})"))),
+    }
+}
+
+/// A scenario's fault in the mock's own words.
+pub fn of_mock(fault: &Fault, number: Option<i64>) -> faults::Fault {
+    let kind = match fault.kind {
+        Kind::ResendWithoutOk => faults::Kind::ResendWithoutOk,
+        Kind::DropOk => faults::Kind::DropOk,
+        Kind::Say => faults::Kind::Say,
+        Kind::Halt => faults::Kind::Kill,
+        Kind::Hang => faults::Kind::Hang,
+        _ => faults::Kind::Reset,
+    };
+    let of_line = matches!(fault.kind, Kind::ResendWithoutOk | Kind::DropOk);
+    faults::Fault {
+        at_line: number.filter(|_| of_line),
+        at_s: None,
+        kind,
+        for_s: fault.for_s.filter(|_| fault.kind == Kind::Hang),
+        text: fault.text.clone(),
+        byte: fault.byte,
+        times: fault.times,
+    }
+}
