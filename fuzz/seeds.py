@@ -10,7 +10,8 @@ all of it at once. bgcode: the binary files of gcode/corpus, as blocks by
 themselves, with each compression and encoding, and text to be packed. stl: a
 block as binary, as text and as corners on the target's grid, whole and damaged.
 archive: small SL1 and NanoDLP jobs of our own, as zips and as the entries that
-archive.rs makes zips of. Standard library only.
+archive.rs makes zips of. journal: payloads as journal.rs frames them, and a
+whole small file. Standard library only.
 """
 import io
 import re
@@ -126,7 +127,31 @@ def archive():
     return seeds
 
 
+def journal():
+    def text(data):
+        return struct.pack('<I', len(data)) + data
+    checkpoint = struct.pack('<QQIdffff', 400, 512, 17, 3.4, 209.7, 210, 60, 60)
+    accepted = (text(b'/jobs/a.gcode') + bytes(32) + struct.pack('<QQQIII', 4000, 1000, 1500, 65536, 1, 0) + bytes(12)
+                + text(b'ender-3') + struct.pack('<QQ', 1795349100, 99))
+    numbers = [b'\0' + struct.pack('<Q', 0), b'\1' + struct.pack('<IQIIIII', 17, 0, 2, 20, 3, 40, 1)]
+    opened = text(b'usb:1A2B') + struct.pack('<IQ', 250000, 1795349160)
+    pictures = [b'\1' + accepted + b'\1\0' + bytes(4) + numbers[0] + checkpoint + b'\0\0\0',
+                b'\1' + accepted + b'\3\1' + opened + struct.pack('<I', 2) + numbers[1] + checkpoint
+                + b'\1\1' + struct.pack('<d', 13.4) + b'\1' + text(b'the cable') + b'\1']
+    batches = [b'\2' + opened + b'\3\2', b'\4' + struct.pack('<IQ', 17, 0) + b'\3\3', b'\7' + checkpoint + b'\5\x40\0\0\0',
+               b'\6' + struct.pack('<Q', 400) + b'\3\5', b'\x08\1' + struct.pack('<d', 13.4) + b'\x09' + text(b'why')]
+    framed = lambda payloads: b''.join(struct.pack('<H', len(p)) + p for p in payloads)
+    seeds = [framed([picture] + some) for picture in pictures for some in ([], batches[:2], batches, batches * 3)]
+    head = b'OUTRJOB\x1a' + struct.pack('<HHII', 1, 0, 1, 1)
+    head += struct.pack('<I', zlib.crc32(head))
+    payload = pictures[1]
+    frame = struct.pack('<I', len(payload)) + struct.pack(
+        '<I', zlib.crc32(struct.pack('<IIII', 1, 1, len(head), len(payload)) + payload)) + payload
+    return seeds + [head + frame, head + frame + bytes(100)]
+
+
 if __name__ == '__main__':
+    write(HERE / 'target/seeds/journal', journal())
     write(HERE / 'target/seeds/archive', archive())
     write(HERE / 'target/seeds/gcode_line', gcode_line())
     write(HERE / 'target/seeds/reply', reply())

@@ -199,7 +199,7 @@ fn damage_is_told() {
     let end = good.iter().rposition(|byte| *byte != 0).unwrap();
     // The last batch is torn; one before it is damaged; the first page is.
     let mut bytes = good.clone();
-    bytes[end - 20..].fill(0);
+    bytes[end - 1..].fill(0);
     std::fs::write(&path, &bytes).unwrap();
     check(folder.path(), &["show", "1"], 0, &["400 commands", "were being written when the power went"], "");
     let mut bytes = good.clone();

@@ -235,6 +235,7 @@ fn batches() -> (Vec<u8>, Vec<Log>) {
 fn a_damaged_middle_is_told_from_a_torn_end() {
     let (good, pictures) = batches();
     let end = good.iter().rposition(|b| *b != 0).unwrap() + 1;
+    assert!(end > PAGE_BYTES + 100, "what is appended is not on the picture's page");
     for at in PAGE_BYTES..end {
         let mut bytes = good.clone();
         bytes[at] ^= 0x10;
