@@ -208,12 +208,18 @@ mod tests {
             let table = table(&[row(asked)]);
             let (head, line) = table.split_once('\n').unwrap();
             assert_eq!(head, "PORT          --port        USB        DEVICE");
-            assert_eq!(line, format!("/dev/ttyUSB0  /dev/ttyUSB0  1a86:7523  USB\\u{{1b}}[2J Serial{expect}"));
+            assert_eq!(
+                line,
+                format!("/dev/ttyUSB0  /dev/ttyUSB0  1a86:7523  USB\\u{{1b}}[2J Serial{expect}")
+            );
         };
         check(None, "");
         check(Some(Asked::Heard(Verdict::Silence)), ": silent");
         let firmware = Some("Marlin\u{7}".to_owned());
-        check(Some(Asked::Heard(Verdict::Speaks { baud: 250_000, firmware })), ": Marlin\\u{7} at 250000 baud");
+        check(
+            Some(Asked::Heard(Verdict::Speaks { baud: 250_000, firmware })),
+            ": Marlin\\u{7} at 250000 baud",
+        );
         check(Some(Asked::Held), ": held by another program");
     }
 
