@@ -102,7 +102,7 @@ pub enum Moved {
 /// An open port, held exclusively.
 #[derive(Debug)]
 pub struct Port {
-    /// `None` once it was closed for a reset and could not be opened again.
+    /// `None` once it was closed, or could not be opened again for a reset.
     device: Option<Device>,
     path: String,
     baud: u32,
@@ -212,6 +212,12 @@ impl Port {
     /// Whether there is a line that could reset the board: not on a pseudo-terminal.
     pub fn has_dtr(&self) -> bool {
         self.device.as_ref().is_some_and(Device::has_dtr)
+    }
+
+    /// Lets go of the device, which is gone from then on. A device that vanished and
+    /// comes back gets its old name only if nobody holds that any more.
+    pub fn close(&mut self) {
+        self.device = None;
     }
 
     /// Waits until some of `output` can be written or something can be read into

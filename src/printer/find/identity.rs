@@ -69,7 +69,8 @@ impl Identity {
     }
 }
 
-/// Waits until the printer is there, for ever; gives its path. Dropping the future
+/// Waits until the printer is there, for ever; gives its path. Let go of the old
+/// port first ([`Port::close`]). Dropping the future
 /// ends the wait.
 pub async fn wait_for(identity: &Identity, places: &Places) -> String {
     loop {

@@ -3,13 +3,13 @@
 //!
 //! Takes a path and a speed, gives polls that never block. Two descriptors on one
 //! device: ours carries the bytes, `serialport`'s has the modem lines and any
-//! speed without `unsafe`. Does not know what an error means to a user.
-//!
-//! Where the system lacks the calls that set any speed (`TCSETS2`: user-mode
-//! emulators), a pseudo-terminal, which has no speed, is opened without them.
+//! speed without `unsafe`. A pseudo-terminal, which has neither, needs one only,
+//! and none of the calls that user-mode emulators lack (`TCSETS2`). Does not know
+//! what an error means to a user.
 use super::PortError;
 use nix::sys::termios::{self, ControlFlags, FlushArg, SetArg};
 use rustix::fs::{FlockOperation, Mode, OFlags};
+use rustix::termios::OptionalActions;
 use serialport::{SerialPort, TTYPort};
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -26,7 +26,7 @@ pub(super) struct Device {
     data: pipe::Receiver,
     /// Watches for room, while a write is blocked.
     full: Option<pipe::Sender>,
-    /// `None` for a pseudo-terminal on a system without `TCSETS2`.
+    /// `None` for a pseudo-terminal.
     lines: Option<TTYPort>,
     has_dtr: bool,
 }
@@ -34,46 +34,48 @@ pub(super) struct Device {
 impl Device {
     /// Opens and locks `path`, raw and without hanging up at the end.
     pub(super) fn open(path: &str, baud: u32) -> Result<Self, PortError> {
-        let failed = |kind, reason| PortError::Open { path: path.to_owned(), baud, reason, kind };
-        let system = |e: io::Error| failed(e.kind(), e.to_string());
-        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-        // Before the lock: it is for one descriptor only. Nothing is changed yet.
-        let data = rustix::fs::open(path, flags, Mode::empty()).map_err(|e| system(e.into()))?;
-        if !rustix::termios::isatty(&data) {
-            return Err(failed(io::ErrorKind::InvalidInput, "this is no serial port".to_owned()));
-        }
-        let lines = match serialport::new(path, baud).open_native() {
-            Ok(lines) => Some(lines),
-            // The crate has no class for ENOSYS.
-            Err(e) if e.kind == serialport::ErrorKind::Unknown && is_pseudo_terminal(path) => {
-                hold(&data).map_err(|_| failed(io::ErrorKind::ResourceBusy, e.description))?;
-                None
-            }
-            Err(e) => return Err(failed(class(&e), e.description)),
+        let refused = |e: Refused| PortError::Open { path: path.to_owned(), baud, reason: e.0, kind: e.1 };
+        let device = match is_pseudo_terminal(path) {
+            true => Self::terminal(path, baud),
+            false => Self::serial(path, baud),
         };
-        Self::new(data, lines).map_err(system)
+        device.map_err(refused)
     }
 
-    /// Makes the descriptors ours: DTR stays up at the end.
-    pub(super) fn new(data: OwnedFd, mut lines: Option<TTYPort>) -> io::Result<Self> {
-        match &lines {
-            // By the calls that keep speeds which have no name.
-            Some(_) => {
-                let mut modes = rustix::termios::tcgetattr(&data)?;
-                modes.control_modes -= rustix::termios::ControlModes::HUPCL;
-                rustix::termios::tcsetattr(&data, rustix::termios::OptionalActions::Now, &modes)?;
-            }
-            None => {
-                let mut modes = termios::tcgetattr(&data)?;
-                termios::cfmakeraw(&mut modes);
-                modes.control_flags -= ControlFlags::HUPCL;
-                termios::tcsetattr(&data, SetArg::TCSANOW, &modes)?;
-            }
-        }
+    /// A port with modem lines.
+    pub(super) fn serial(path: &str, baud: u32) -> Result<Self, Refused> {
+        // Before the lock: it is for one descriptor only. Nothing is changed yet.
+        let data = opened(path)?;
+        let mut lines = serialport::new(path, baud).open_native()?;
+        // By the calls that keep speeds which have no name.
+        let mut modes = rustix::termios::tcgetattr(&data)?;
+        modes.control_modes -= rustix::termios::ControlModes::HUPCL;
+        rustix::termios::tcsetattr(&data, OptionalActions::Now, &modes)?;
         // Asking for a line that comes in tells whether there are lines at all.
-        let has_dtr = lines.as_mut().is_some_and(|lines| lines.read_data_set_ready().is_ok());
+        let has_dtr = lines.read_data_set_ready().is_ok();
+        Ok(Self {
+            data: pipe::Receiver::from_owned_fd_unchecked(data)?,
+            full: None,
+            lines: Some(lines),
+            has_dtr,
+        })
+    }
+
+    /// A pseudo-terminal. It is opened once only: who watches it counts.
+    pub(super) fn terminal(path: &str, baud: u32) -> Result<Self, Refused> {
+        let data = opened(path)?;
+        // TIOCEXCL would outlive a host that is killed: whoever made the terminal
+        // (Klipper) holds it open, so that nobody but root could ever open it again.
+        rustix::fs::flock(&data, FlockOperation::NonBlockingLockExclusive)?;
+        // By the C library's calls: emulators lack the kernel's newer ones.
+        let mut modes = termios::tcgetattr(&data)?;
+        termios::cfmakeraw(&mut modes);
+        modes.control_flags -= ControlFlags::HUPCL;
+        termios::tcsetattr(&data, SetArg::TCSANOW, &modes)?;
         let data = pipe::Receiver::from_owned_fd_unchecked(data)?;
-        Ok(Self { data, full: None, lines, has_dtr })
+        let mut device = Self { data, full: None, lines: None, has_dtr: false };
+        device.set_baud(baud)?;
+        Ok(device)
     }
 
     pub(super) fn has_dtr(&self) -> bool {
@@ -83,7 +85,15 @@ impl Device {
     pub(super) fn set_baud(&mut self, baud: u32) -> io::Result<()> {
         match &mut self.lines {
             Some(lines) => Ok(lines.set_baud_rate(baud)?),
-            None => Ok(()),
+            None => {
+                // It has no speed; whoever is on the other side may want to see one.
+                if let Ok(mut modes) = rustix::termios::tcgetattr(&self.data)
+                    && modes.set_speed(baud).is_ok()
+                {
+                    let _ = rustix::termios::tcsetattr(&self.data, OptionalActions::Now, &modes);
+                }
+                Ok(())
+            }
         }
     }
 
@@ -172,20 +182,52 @@ fn set_dtr(device: &mut Device, up: bool) -> io::Result<()> {
     Ok(lines.write_data_terminal_ready(up)?)
 }
 
-/// What the crate's class means.
-fn class(e: &serialport::Error) -> io::ErrorKind {
-    match e.kind {
-        // The path could be opened a moment ago: a lock is what is left.
-        serialport::ErrorKind::NoDevice => io::ErrorKind::ResourceBusy,
-        serialport::ErrorKind::Io(kind) => kind,
-        _ => io::ErrorKind::Other,
+/// Why a device is not opened: the words, and the system's class.
+#[derive(Debug)]
+pub(super) struct Refused(String, io::ErrorKind);
+
+impl From<io::Error> for Refused {
+    fn from(e: io::Error) -> Self {
+        match e.kind() {
+            // What a lock says.
+            io::ErrorKind::WouldBlock => Self("it is locked".to_owned(), io::ErrorKind::ResourceBusy),
+            kind => Self(e.to_string(), kind),
+        }
     }
 }
 
-/// Takes the locks that `serialport` takes.
-fn hold(data: &OwnedFd) -> io::Result<()> {
-    rustix::fs::flock(data, FlockOperation::NonBlockingLockExclusive)?;
-    Ok(rustix::termios::ioctl_tiocexcl(data)?)
+impl From<rustix::io::Errno> for Refused {
+    fn from(e: rustix::io::Errno) -> Self {
+        io::Error::from(e).into()
+    }
+}
+
+impl From<nix::Error> for Refused {
+    fn from(e: nix::Error) -> Self {
+        io::Error::from(e).into()
+    }
+}
+
+impl From<serialport::Error> for Refused {
+    fn from(e: serialport::Error) -> Self {
+        let kind = match e.kind {
+            // The path could be opened a moment ago: a lock is what is left.
+            serialport::ErrorKind::NoDevice => io::ErrorKind::ResourceBusy,
+            serialport::ErrorKind::Io(kind) => kind,
+            _ => io::ErrorKind::Other,
+        };
+        Self(e.description, kind)
+    }
+}
+
+/// The device at `path`, if it is a terminal. Never waits.
+fn opened(path: &str) -> Result<OwnedFd, Refused> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
+    let fd = rustix::fs::open(path, flags, Mode::empty())?;
+    match rustix::termios::isatty(&fd) {
+        true => Ok(fd),
+        false => Err(Refused("this is no serial port".to_owned(), io::ErrorKind::InvalidInput)),
+    }
 }
 
 /// Whether the path, links followed, is a pseudo-terminal.

@@ -1,7 +1,6 @@
 //! Over pseudo-terminals whose other side the test holds.
 use super::device::{Device, is_pseudo_terminal};
 use super::*;
-use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::os::fd::OwnedFd;
 
@@ -32,11 +31,14 @@ fn drain(far: &OwnedFd) -> Vec<u8> {
     all
 }
 
-/// Without TCSETS2, as an emulator would have it.
-fn open_without_rates(path: &str) -> Port {
-    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-    let data = rustix::fs::open(path, flags, Mode::empty()).unwrap();
-    let device = Some(Device::new(data, None).unwrap());
+/// As a pseudo-terminal is opened.
+fn terminal_port(path: &str) -> Port {
+    Port::open(path, 250_000).unwrap()
+}
+
+/// As a port with modem lines is opened; all but those works here too.
+fn serial_port(path: &str) -> Port {
+    let device = Some(Device::serial(path, 250_000).unwrap());
     Port { device, path: path.to_owned(), baud: 250_000, writes: 0 }
 }
 
@@ -75,8 +77,8 @@ fn a_terminal_is_a_port() {
             assert!(matches!(port.exchange(&mut input, b"").await, Err(PortError::Gone { .. })));
         });
     };
-    check(|path| Port::open(path, 250_000).unwrap());
-    check(open_without_rates);
+    check(terminal_port);
+    check(serial_port);
 }
 
 /// Whoever comes while it is open is told why not; afterwards it is free.
@@ -84,11 +86,13 @@ fn a_terminal_is_a_port() {
 fn a_port_is_held_by_one() {
     run(async {
         let (_far, path) = terminal();
-        let first = Port::open(&path, 115_200).unwrap();
-        let second = Port::open(&path, 115_200).map(drop).unwrap_err().to_string();
-        assert!(second.contains("another program holds it"), "{second}");
-        drop(first);
-        Port::open(&path, 115_200).unwrap();
+        for open in [terminal_port, serial_port] {
+            let first = open(&path);
+            let second = Port::open(&path, 115_200).map(drop).unwrap_err().to_string();
+            assert!(second.contains("another program holds it"), "{second}");
+            assert!(Device::serial(&path, 115_200).is_err());
+            drop(first);
+        }
     });
 }
 
@@ -125,8 +129,8 @@ fn hupcl_is_cleared() {
             assert!(!hangs_up(), "nor does another speed set it again");
         });
     };
-    check(|path| Port::open(path, 250_000).unwrap());
-    check(open_without_rates);
+    check(terminal_port);
+    check(serial_port);
 }
 
 /// A speed without a name arrives as it is, clearing HUPCL notwithstanding.
@@ -135,10 +139,12 @@ fn any_speed_is_set() {
     run(async {
         let (far, path) = terminal();
         let speed = || rustix::termios::tcgetattr(&far).unwrap().output_speed();
-        let mut port = Port::open(&path, 250_000).unwrap();
-        assert_eq!((speed(), port.baud()), (250_000, 250_000));
-        port.set_baud(76_800).unwrap();
-        assert_eq!((speed(), port.baud()), (76_800, 76_800));
+        for open in [terminal_port, serial_port] {
+            let mut port = open(&path);
+            assert_eq!((speed(), port.baud()), (250_000, 250_000));
+            port.set_baud(76_800).unwrap();
+            assert_eq!((speed(), port.baud()), (76_800, 76_800));
+        }
     });
 }
 
@@ -166,8 +172,8 @@ fn a_stop_overtakes_what_is_blocked() {
             assert_eq!(&seen[old..], b"\nM112\n");
         });
     };
-    check(|path| Port::open(path, 250_000).unwrap());
-    check(open_without_rates);
+    check(terminal_port);
+    check(serial_port);
 }
 
 /// A blocked write goes on when the far side reads again.
