@@ -36,18 +36,18 @@ impl Job {
             file.write_all(b"\n")?;
             std::io::Result::Ok(bytes)
         };
-        for start in ["G28", "M83", "G1 X10 Y50 Z5 F3000"] {
+        for start in ["G28", "M83", "G1 X1 Y1 Z0.2 F3000"] {
             put(start.as_bytes())?;
         }
         // A long job climbs again and again: Y stays on the bed.
-        let (mut x_mm, mut step_mm) = (10.0, FEED_MM_S / moves_s);
+        let (mut x_mm, mut step_mm) = (1.0, FEED_MM_S / moves_s);
         for n in 0_u64.. {
             x_mm += step_mm;
-            if !(10.0..170.0).contains(&x_mm) {
+            if !(1.0..170.0).contains(&x_mm) {
                 step_mm = -step_mm;
             }
             line.clear();
-            write!(line, "G1 X{x_mm:.3} Y{:.4}", 50.0 + (n % 1_000_000) as f64 / 10_000.0)?;
+            write!(line, "G1 X{x_mm:.3} Y{:.4}", 1.0 + (n % 1_000_000) as f64 / 10_000.0)?;
             let bytes = put(&line)?;
             let done = match length {
                 Length::Moves(moves) => n + 1 >= moves,

@@ -41,7 +41,10 @@ const CPU_RUNS: u32 = 5;
 const LARGE_FOR: Duration = Duration::from_secs(15);
 
 /// A line without a speed limit to a machine that is never the slow part.
-const FAST: Printer = Printer { baud: 0, speed: 1000 };
+const FAST: Printer = Printer { baud: 0, speed: 1000, latency_ms: 0 };
+
+/// What a USB adapter holds replies back, in the planner measurements.
+const LATENCY_MS: u32 = 1;
 
 /// Bits per second (0: no limit) and moves a second of the planner measurements.
 const FEEDS: [(u32, u32); 3] = [(250_000, 500), (115_200, 250), (0, 1000)];
@@ -175,12 +178,14 @@ impl Figures {
     }
 
     fn planner_beside(&self, load: u32) -> anyhow::Result<()> {
-        tell(format_args!("\nplanner empty beside {load} busy loops"));
+        tell(format_args!(
+            "\nplanner empty; replies {LATENCY_MS} ms on their way; {load} busy loops beside it"
+        ));
         let _busy = Busy::start(load);
         for (baud, moves_s) in FEEDS {
             let moves = u64::from(moves_s * self.args.seconds);
             let job = Job::write(self.folder.path(), Length::Moves(moves), f64::from(moves_s))?;
-            let printer = Printer { baud, speed: 1 };
+            let printer = Printer { baud, speed: 1, latency_ms: LATENCY_MS };
             let run = |host| -> anyhow::Result<f64> {
                 let run = stream(&self.programs, host, &job, printer, None)?;
                 tell(format_args!(

@@ -19,6 +19,8 @@ pub(crate) struct Printer {
     pub(crate) baud: u32,
     /// How many times faster than life it moves.
     pub(crate) speed: u32,
+    /// Milliseconds that its replies are on their way.
+    pub(crate) latency_ms: u32,
 }
 
 /// What a run took, and what the printer saw of it.
@@ -93,6 +95,7 @@ fn start_mock(programs: &Programs, printer: Printer, folder: &Path) -> anyhow::R
         .arg("--stats")
         .arg(folder.join("stats.json"))
         .args(["--baud", &printer.baud.to_string(), "--speed", &printer.speed.to_string()])
+        .args(["--latency-ms", &printer.latency_ms.to_string()])
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
