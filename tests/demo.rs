@@ -4,6 +4,7 @@ mod common;
 use common::{command, corpus, names, outrigger, same_deposits};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 /// So fast that the mock's boot takes most of the time.
 const FAST: [&str; 2] = ["--speed", "4000"];
@@ -96,8 +97,9 @@ fn ctrl_c_cancels_the_print_and_leaves_no_printer() {
         .spawn()
         .unwrap();
     let mut said = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
-    // At life's speed it is heating for a minute now.
     assert!(said.any(|line| line.contains("connected to")));
+    // Its first lines go out once that is written down; then it is heating for a minute, at life's speed.
+    std::thread::sleep(Duration::from_secs(1));
     let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(kill.success());
     let rest: Vec<String> = said.collect();

@@ -2,130 +2,13 @@
 //!
 //! The mock checks every number and checksum and digests what it accepted; the
 //! digest that a whole job must give is computed here, from the file.
+mod common;
+
+use common::printer::{BINARY, Mock, commands, digest, moves, output, signal, text, wait_for, wait_until};
 use std::fs;
 use std::io::Read;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
-
-const BINARY: &str = env!("CARGO_BIN_EXE_outrigger");
-
-/// No test here waits longer for anything: a loaded machine is slow, not stuck.
-const PATIENCE: Duration = Duration::from_secs(100);
-
-/// A mock printer in its own process, ended when dropped.
-struct Mock {
-    child: Child,
-    folder: tempfile::TempDir,
-}
-
-impl Mock {
-    fn start(options: &[&str]) -> Self {
-        Self::with_faults(options, "")
-    }
-
-    fn with_faults(options: &[&str], faults: &str) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("faults.toml"), faults).unwrap();
-        let child = Command::new(BINARY)
-            .current_dir(folder.path())
-            .args(["mock", "--link", "tty", "--stats", "stats.json"])
-            .args(["--faults", "faults.toml", "--baud", "0", "--dtr-reset"])
-            .args(options)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mock = Self { child, folder };
-        wait_until("the mock's terminal", || mock.path("tty").exists());
-        mock
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn job(&self, text: &str) -> PathBuf {
-        let path = self.path("job.gcode");
-        fs::write(&path, text).unwrap();
-        path
-    }
-
-    fn print(&self, job: &Path) -> Command {
-        let mut command = Command::new(BINARY);
-        command
-            .arg("print")
-            .arg(job)
-            .arg("--port")
-            .arg(self.path("tty"))
-            .args(["--profile", "generic-marlin", "--verbose"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
-        command
-    }
-
-    /// Ends the mock and returns its last counts.
-    fn stats(mut self) -> serde_json::Value {
-        signal("INT", &self.child);
-        wait_for(&mut self.child);
-        serde_json::from_slice(&fs::read(self.path("stats.json")).unwrap()).unwrap()
-    }
-}
-
-impl Drop for Mock {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !done() {
-        assert!(start.elapsed() < PATIENCE, "still waiting for {what}");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
-fn wait_for(child: &mut Child) {
-    wait_until("a process to end", || child.try_wait().unwrap().is_some());
-}
-
-fn signal(name: &str, child: &Child) {
-    let kill = Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status();
-    assert!(kill.unwrap().success());
-}
-
-fn output(command: &mut Command) -> Output {
-    let mut child = command.spawn().unwrap();
-    wait_for(&mut child);
-    child.wait_with_output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// FNV-1a of the commands, one a line: the mock's digest.
-fn digest<'a>(commands: impl Iterator<Item = &'a str>) -> String {
-    let mut state = 0xcbf2_9ce4_8422_2325_u64;
-    for byte in commands.flat_map(|c| c.bytes().chain([b'\n'])) {
-        state = (state ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-    }
-    format!("{state:016x}")
-}
-
-/// A job of short moves in the air; the mock's planner takes them as fast as
-/// `--speed` lets it.
-fn moves(count: u32) -> String {
-    let moves: String =
-        (0..count).map(|n| format!("G1 X{}.{:03} Y{} F9000\n", 10 + n % 7, n % 1000, 20 + n % 5)).collect();
-    format!("G28 ; home\n;LAYER_CHANGE\n{moves}")
-}
-
-fn commands(job: &str) -> impl Iterator<Item = &str> {
-    job.lines().map(|line| line.split(';').next().unwrap_or("").trim()).filter(|line| !line.is_empty())
-}
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 /// Prints a job to the end and holds the mock's digest against the file's.
 fn check_whole(options: &[&str], faults: &str, count: u32) -> (String, serde_json::Value) {
@@ -223,10 +106,7 @@ fn a_hung_up_port_is_told() {
 fn interrupted(options: &[&str], job: &str, signals: &[&str]) -> (Output, serde_json::Value) {
     let mock = Mock::start(options);
     let mut child = mock.print(&mock.job(job)).spawn().unwrap();
-    let stats = || -> Option<serde_json::Value> {
-        serde_json::from_slice(&fs::read(mock.path("stats.json")).ok()?).ok()
-    };
-    wait_until("the nozzle to heat", || stats().is_some_and(|s| s["nozzle_target_c"].as_f64() > Some(0.0)));
+    wait_until("the nozzle to heat", || mock.now()["nozzle_target_c"].as_f64() > Some(0.0));
     for name in signals {
         signal(name, &child);
         // Two signals of one kind at once are one; the first must be taken.
@@ -321,6 +201,7 @@ fn no_printer_is_told() {
     fs::write(&job, "G28\n").unwrap();
     let out = output(
         Command::new(BINARY)
+            .env("OUTRIGGER_STATE", folder.path().join("state"))
             .arg("print")
             .arg(&job)
             .args(["--port", "/nowhere/tty"])
@@ -340,6 +221,7 @@ fn the_port_mock_brings_its_own_printer() {
     fs::write(&job, moves(200)).unwrap();
     let out = output(
         Command::new(BINARY)
+            .env("OUTRIGGER_STATE", folder.path().join("state"))
             .arg("print")
             .arg(&job)
             .args(["--port", "mock", "--mock-speed", "1000"])

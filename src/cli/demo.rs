@@ -6,10 +6,11 @@
 mod tell;
 
 use super::{check, files, mock as mock_verb, picture, post, print, say};
+use crate::job::host::Begin;
 use crate::printer::mock::{self, Faults, Stats};
+use crate::printer::port::Port;
 use crate::profile::{Profile, load_printer};
 use anyhow::{Context, bail};
-use std::future::Future;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -75,9 +76,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let started = Instant::now();
     let runtime = print::runtime()?;
     // From here on a signal leaves no half-written file: it waits for the print, which ends in safety.
-    let stops = {
+    let letters = {
         let _inside = runtime.enter();
-        print::stops()?
+        print::letters()?
     };
     let paths = Paths::new(args.dir.as_deref())?;
     sample(&paths)?;
@@ -86,7 +87,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     look(&paths)?;
     let profile = load_printer(PROFILE)?;
     let printer = printer(args, &profile)?;
-    let stats = stream(&runtime, &paths, &profile, printer, args.speed, stops)?;
+    let stats = stream(&runtime, &paths, &profile, printer, args.speed, letters)?;
     let printed = std::fs::read(&paths.reordered)
         .with_context(|| format!("cannot read {}", paths.reordered.display()))?;
     let arrived = Arrived::new(stats, &printed);
@@ -237,21 +238,36 @@ fn stream(
     profile: &Profile,
     printer: mock::Handle,
     speed: f64,
-    stops: (impl Future<Output = ()>, impl Future<Output = ()>),
+    letters: print::Letters,
 ) -> anyhow::Result<Stats> {
     heading(6, "Print it (outrigger print)");
-    let printing = print::Printing {
-        job: print::Job::open(&paths.reordered, profile)?,
-        name: files::file_name(&paths.reordered),
-        profile,
-        device: printer.path().display().to_string(),
-        baud: profile.serial.baud,
-        // The job brings its own start and end, and nothing else is to be compared.
-        macros: false,
-        verbose: false,
-        speed,
-    };
-    runtime.block_on(print::print(printing, stops))?;
+    // What the demo prints is nobody's job: its records go with it.
+    let records = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let folder = print::Folder::open(Some(records.path()))?;
+    let job = print::Job::open(&paths.reordered, profile, PROFILE, Some(&folder.store))?;
+    let device = printer.path().display().to_string();
+    let baud = profile.serial.baud;
+    let held = Some(folder.store.accept(&job.accepted)?);
+    let printed = runtime.block_on(async {
+        let printing = print::Printing {
+            job,
+            name: files::file_name(&paths.reordered),
+            profile,
+            port: Port::open(&device, baud)?,
+            started: tokio::time::Instant::now(),
+            device,
+            baud,
+            held,
+            begin: Begin::Fresh,
+            // The job brings its own start and end, and nothing else is to be compared.
+            macros: false,
+            waits_for_person: false,
+            verbose: false,
+            speed,
+        };
+        print::print(printing, letters, None).await
+    });
+    printed?;
     Ok(printer.stop()?)
 }
 

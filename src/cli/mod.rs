@@ -6,6 +6,7 @@
 mod check;
 mod demo;
 mod files;
+mod guard;
 mod interrupt;
 mod mock;
 mod picture;
@@ -35,6 +36,7 @@ enum Verb {
     Post(post::Args),
     Print(print::Args),
     Mock(mock::Args),
+    Guard(guard::Args),
     Profile(profile::Args),
 }
 
@@ -47,6 +49,7 @@ pub fn main() -> ExitCode {
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
         Verb::Mock(args) => mock::run(args),
+        Verb::Guard(args) => guard::run(&args),
         Verb::Profile(args) => profile::run(args),
     };
     match done {

@@ -3,41 +3,47 @@
 //! The whole file is checked before the first line goes out. Ctrl-C (or SIGTERM,
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
+mod cases;
 mod escape;
+mod folder;
+mod job;
+mod keys;
+mod letters;
 mod marks;
+mod place;
+pub(super) mod settings;
 mod show;
+mod verdict;
+mod words;
 
-use crate::printer::drive::drive;
-use crate::printer::job_file::{Checked, Reader, check};
+pub(super) use folder::Folder;
+pub(super) use job::{Job, now_unix_s};
+pub(super) use letters::{Letters, letters};
+pub(super) use place::Place;
+
+use super::guard;
+use crate::job::disk::HeldJob;
+use crate::job::host::{Begin, Host};
+use crate::job::record::Record;
+use crate::job::run::{Wires, run as run_host};
+use crate::job::scribe::Scribe;
 use crate::printer::mock;
-use crate::printer::port::Port;
-use crate::printer::session::{DEFAULT_BOOT_WAIT_MS, Ending, Outcome, Safety, Session, Settings};
-use crate::printer::source::{JobLine, Source, SourceError};
-use crate::printer::window::Limit;
-use crate::profile::{Macro, Profile, load_printer, printer::Window};
-use anyhow::{Context, bail};
-use marks::{Facts, Marks};
-use outrigger_gcode::checksum::sendable;
+use crate::printer::port::{OpenMode, Port};
+use crate::profile::printer::HardStop;
+use crate::profile::{Profile, load_printer};
+use anyhow::Context;
+use keys::Keys;
+use marks::Marks;
 use show::Show;
 use std::cell::RefCell;
-use std::collections::VecDeque;
-use std::fs::{File, Metadata};
-use std::future::Future;
-use std::io::{Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::rc::Rc;
 use tokio::runtime::Runtime;
-use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::oneshot;
 use tokio::time::Instant;
 
 /// The profile when none is named: the buffers and limits that every Marlin keeps.
 const DEFAULT_PROFILE: &str = "generic-marlin";
-
-/// A board that opening the port does not reset may still say `start` when it was
-/// just switched on.
-const NO_RESET_WAIT_MS: u64 = 300;
 
 /// Print a file: stream it to a printer and watch it.
 ///
@@ -65,6 +71,21 @@ pub(super) struct Args {
     /// With `--port mock`: how many times faster than life it is.
     #[arg(long, value_name = "K", default_value_t = 10.0, value_parser = super::mock::speed)]
     mock_speed: f64,
+    /// The folder of the jobs' records; by itself $OUTRIGGER_STATE, $STATE_DIRECTORY or
+    /// ~/.local/state/outrigger.
+    #[arg(long, value_name = "DIR")]
+    state: Option<PathBuf>,
+    /// Nothing of an earlier job is on the bed: that job is given up.
+    #[arg(long)]
+    part_removed: bool,
+    /// Start no guardian, which switches the printer's heaters off if this process dies
+    /// and nobody resumes the job (see `outrigger guard`).
+    #[arg(long)]
+    no_guard: bool,
+    /// Read requests from standard input, a line each: pause, resume, cancel, stop,
+    /// answer N, send GCODE.
+    #[arg(long)]
+    commands: bool,
     /// Show every note of the printer, resend and probe.
     #[arg(long, short)]
     verbose: bool,
@@ -73,27 +94,94 @@ pub(super) struct Args {
 /// Runs the verb. See [`Args`].
 pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     let profile = load_printer(&args.profile)?;
-    let job = Job::open(&args.file, &profile)?;
+    let is_mock = args.port == "mock";
+    // A mock's job ends with its printer: it is written down for who wants to look at that.
+    let folder = match Folder::open(args.state.as_deref()) {
+        _ if is_mock && args.state.is_none() => None,
+        Ok(folder) => Some(folder),
+        Err(why) => {
+            not_recorded(&why);
+            None
+        }
+    };
+    if let Some(folder) = folder.as_ref().filter(|_| !is_mock) {
+        folder.clear_bed(&args.port, args.part_removed)?;
+    }
+    let name = folder::lasting_name(&args.profile)?;
+    let job = Job::open(&args.file, &profile, &name, folder.as_ref().map(|f| &f.store))?;
     let baud = args.baud.unwrap_or(profile.serial.baud);
     runtime()?.block_on(async {
-        let stops = stops()?;
-        let mock = match args.port.as_str() {
-            "mock" => Some(start_mock(&profile, baud, args.mock_speed)?),
-            _ => None,
-        };
+        let letters = letters()?;
+        let mock = if is_mock { Some(start_mock(&profile, baud, args.mock_speed)?) } else { None };
+        let device = mock.as_ref().map_or_else(|| args.port.clone(), |m| m.path().display().to_string());
+        // Before the job is accepted: one that has no printer is none.
+        let mode = OpenMode::Fresh { reset: profile.serial.dtr_reset };
+        let port = Port::open_as(&device, baud, mode).await?;
+        let started = Instant::now();
+        let held = folder
+            .as_ref()
+            .and_then(|folder| folder.store.accept(&job.accepted).inspect_err(|why| not_recorded(why)).ok());
+        if let (Some(folder), Some(held)) = (&folder, &held)
+            && !args.no_guard
+            && mock.is_none()
+        {
+            guard::start(&folder.store, held.id);
+        }
         let printing = Printing {
             job,
             name: args.file.display().to_string(),
             profile: &profile,
-            device: mock.as_ref().map_or_else(|| args.port.clone(), |m| m.path().display().to_string()),
+            port,
+            started,
+            device,
             baud,
+            held,
+            begin: Begin::Fresh,
             macros: !args.no_macros,
+            waits_for_person: false,
             verbose: args.verbose,
             speed: mock.as_ref().map_or(1.0, |_| args.mock_speed),
         };
-        print(printing, stops).await?;
+        let listening = Listening::start(args.commands, &letters)?;
+        print(printing, letters, listening.hint()).await?;
         Ok(ExitCode::SUCCESS)
     })
+}
+
+/// A job that cannot be written down is printed nevertheless: nobody waits for a disk
+/// with a printer at hand, but they must know.
+fn not_recorded(why: &dyn std::fmt::Display) {
+    eprintln!(
+        "outrigger: warning: {why}; the job is printed, but cannot be resumed after a crash or a power cut"
+    );
+}
+
+/// How the user may speak while a job runs.
+enum Listening {
+    /// The terminal's keys.
+    Keys { _restore: Keys },
+    /// Lines on standard input.
+    Words,
+    /// By signals alone.
+    No,
+}
+
+impl Listening {
+    fn start(commands: bool, letters: &Letters) -> anyhow::Result<Self> {
+        let post = letters.post.clone();
+        if commands {
+            words::listen(post).context("cannot read commands")?;
+            return Ok(Listening::Words);
+        }
+        Ok(Keys::listen(post).map_or(Listening::No, |keys| Listening::Keys { _restore: keys }))
+    }
+
+    fn hint(&self) -> Option<&'static str> {
+        match self {
+            Listening::Keys { .. } => Some(keys::HELP),
+            Listening::Words | Listening::No => None,
+        }
+    }
 }
 
 /// The event loop that a job is printed in.
@@ -112,174 +200,68 @@ pub(super) struct Printing<'a> {
     pub(super) name: String,
     /// The printer's profile.
     pub(super) profile: &'a Profile,
-    /// The serial port.
+    /// The printer's port…
+    pub(super) port: Port,
+    /// …and when it was opened.
+    pub(super) started: Instant,
+    /// What finds it again.
     pub(super) device: String,
     /// Bits per second.
     pub(super) baud: u32,
+    /// The job's records; `None`: it is not written down.
+    pub(super) held: Option<HeldJob>,
+    /// How it begins.
+    pub(super) begin: Begin,
     /// Whether the profile's start and end macros go around the file.
     pub(super) macros: bool,
+    /// Whether a printer that lost its state waits for a person's word.
+    pub(super) waits_for_person: bool,
     /// Whether every note, resend and probe is shown.
     pub(super) verbose: bool,
     /// How many times faster than life the printer is: 1 but for a mock.
     pub(super) speed: f64,
 }
 
-/// What a session needs of a profile.
-fn settings(profile: &Profile) -> Settings {
-    let serial = &profile.serial;
-    let size = |n: u32| usize::try_from(n).unwrap_or(usize::MAX);
-    Settings {
-        window: match serial.window {
-            Window::Bytes(bytes) => Limit::Bytes(size(bytes)),
-            Window::Lines(lines) => Limit::Lines(size(lines)),
-        },
-        max_line: serial.max_line.map(size),
-        boot_wait_ms: match serial.dtr_reset {
-            true => DEFAULT_BOOT_WAIT_MS,
-            false => NO_RESET_WAIT_MS,
-        },
-        asks: false,
-        waits_for_link: false,
-        cancel_macro: profile.macros.cancel.lines().map(str::to_owned).collect(),
-    }
-}
-
-/// A file that was checked and can be sent.
-pub(super) struct Job {
-    path: PathBuf,
-    file: File,
-    stamp: Stamp,
-    checked: Checked,
-    facts: Facts,
-}
-
-/// What tells a file that was written to since.
-#[derive(PartialEq)]
-struct Stamp {
-    bytes: u64,
-    modified: Option<std::time::SystemTime>,
-}
-
-impl Stamp {
-    fn of(meta: &Metadata) -> Self {
-        Self { bytes: meta.len(), modified: meta.modified().ok() }
-    }
-}
-
-impl Job {
-    /// Checks a file from its first line to its last.
-    ///
-    /// # Errors
-    /// It cannot be read, or not be printed by this printer; which line, and why.
-    pub(super) fn open(path: &Path, profile: &Profile) -> anyhow::Result<Self> {
-        Self::check(path, settings(profile).max_line).with_context(|| path.display().to_string())
-    }
-
-    fn check(path: &Path, max_line: Option<usize>) -> anyhow::Result<Self> {
-        // Asked before opening: to open a pipe would wait for its writer.
-        let meta = std::fs::metadata(path)?;
-        if meta.is_dir() {
-            bail!("this is a directory: name a G-code file");
-        }
-        if !meta.is_file() {
-            bail!("this is no regular file: it is read twice, so save it as one first");
-        }
-        let file = File::open(path)?;
-        let stamp = Stamp::of(&file.metadata()?);
-        let mut facts = Facts::default();
-        let checked = check(&file, max_line, |_, line| facts.see(line))?;
-        Ok(Self { path: path.to_owned(), file, stamp, checked, facts })
-    }
-
-    /// From the first line again, if the file is still the one that was checked.
-    fn rewind(&mut self) -> anyhow::Result<()> {
-        if Stamp::of(&self.file.metadata()?) != self.stamp {
-            bail!("the file was changed while it was checked: start again when it is finished");
-        }
-        self.file.seek(SeekFrom::Start(0))?;
-        Ok(())
-    }
-}
-
-/// The lines of the profile's start macro, of the file, of the end macro.
-struct Whole<S> {
-    before: VecDeque<Vec<u8>>,
-    file: S,
-    after: VecDeque<Vec<u8>>,
-    /// A macro's line; `None` while the file gives the lines.
-    current: Option<Vec<u8>>,
-    file_over: bool,
-}
-
-impl<S: Source> Whole<S> {
-    fn new(file: S, profile: &Profile, macros: bool) -> Self {
-        let lines = |text: &Macro| {
-            let mut scratch = Vec::new();
-            let line = |l: &str| sendable(l.as_bytes(), &mut scratch).map(<[u8]>::to_vec);
-            match macros {
-                true => text.lines().filter_map(line).collect(),
-                false => VecDeque::new(),
-            }
-        };
-        Self {
-            before: lines(&profile.macros.start),
-            file,
-            after: lines(&profile.macros.end),
-            current: None,
-            file_over: false,
-        }
-    }
-}
-
-impl<S: Source> Source for Whole<S> {
-    fn advance(&mut self) -> Result<bool, SourceError> {
-        self.current = self.before.pop_front();
-        if self.current.is_none() && !self.file_over {
-            self.file_over = !self.file.advance()?;
-        }
-        if self.file_over {
-            self.current = self.after.pop_front();
-            return Ok(self.current.is_some());
-        }
-        Ok(true)
-    }
-
-    fn line(&self) -> JobLine<'_> {
-        match &self.current {
-            Some(command) => JobLine { command, number: 0 },
-            None => self.file.line(),
-        }
-    }
-}
-
-/// Prints a job to its end, or until the first of the two futures asks to stop;
-/// the second quits at once.
+/// Prints a job to its end, or until its mail ends it; `hint` is shown at the start.
 ///
 /// # Errors
 /// The job was not printed to its end: why, and what state the printer is in.
 pub(super) async fn print(
     printing: Printing<'_>,
-    (first, second): (impl Future<Output = ()>, impl Future<Output = ()>),
+    letters: Letters,
+    hint: Option<&str>,
 ) -> anyhow::Result<()> {
-    let Printing { mut job, profile, .. } = printing;
-    job.rewind().with_context(|| job.path.display().to_string())?;
-    let mut port = Port::open(&printing.device, printing.baud)?;
+    let Printing { job, profile, started, .. } = printing;
     let marks = Rc::new(RefCell::new(Marks::default()));
-    let read_marks = Rc::clone(&marks);
-    let file = Reader::new(&job.file, job.checked, move |number, line: &[u8]| {
-        read_marks.borrow_mut().see(number, line);
-    });
-    let mut source = Whole::new(file, profile, printing.macros);
+    let lines = job.lines(Rc::clone(&marks)).with_context(|| printing.name.clone())?;
     let mut show = Show::new(printing.verbose, job.checked, job.facts, marks, printing.speed);
-    let mut session = Session::new(settings(profile), 0);
-    let started = Instant::now();
-    let outcome = tokio::select! {
-        biased;
-        () = second => None,
-        outcome = drive(&mut port, &mut session, &mut source, &mut show, started, first) => Some(outcome),
+    if let Some(hint) = hint {
+        show.hint(hint);
+    }
+    let id = printing.held.as_ref().map(|held| held.id);
+    let opened =
+        Record::Opened { port: printing.device.clone(), baud: printing.baud, at_unix_s: now_unix_s() };
+    let start = |mut held: HeldJob| {
+        held.journal.append(&opened);
+        Scribe::start(held, letters.post.clone()).context("cannot start the journal's thread")
     };
+    let scribe = printing.held.map(start).transpose()?;
+    let place = Place { device: printing.device, baud: printing.baud };
+    let mut settings = settings::of(profile, printing.macros);
+    settings.waits_for_person = printing.waits_for_person;
+    let mut host = Host::new(settings, lines, &printing.begin, 0);
+    let wires = Wires {
+        port: printing.port,
+        hard_stop: profile.serial.hard_stop() == HardStop::Dtr,
+        reopen: &place,
+        scribe,
+        mail: letters.mail,
+        watcher: &mut show,
+        started,
+    };
+    let end = run_host(&mut host, wires).await;
     show.finish();
-    verdict(&printing.name, outcome, &show)
+    verdict::verdict(&printing.name, id, &end, host.state(), &show)
 }
 
 /// The printer behind `--port mock`: the profile's machine.
@@ -292,68 +274,4 @@ fn start_mock(profile: &Profile, baud: u32, speed: f64) -> anyhow::Result<mock::
         ..mock::Config::default()
     };
     Ok(mock::spawn(mock::Options { config, ..mock::Options::default() })?)
-}
-
-/// Two futures: the first request to stop (Ctrl-C, SIGTERM, the terminal's end),
-/// and the second. Call within a runtime; from then on the signals end nothing by
-/// themselves.
-///
-/// # Errors
-/// The system refuses to tell of signals.
-pub(super) fn stops() -> anyhow::Result<(impl Future<Output = ()>, impl Future<Output = ()>)> {
-    let (tell, told) = oneshot::channel();
-    let mut signals =
-        [signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?, signal(SignalKind::hangup())?];
-    let second = async move {
-        let [interrupt, terminate, hangup] = &mut signals;
-        let mut tell = Some(tell);
-        loop {
-            tokio::select! {
-                _ = interrupt.recv() => {}
-                _ = terminate.recv() => {}
-                _ = hangup.recv() => {}
-            }
-            match tell.take() {
-                Some(tell) => drop(tell.send(())),
-                None => return,
-            }
-        }
-    };
-    let first = async move {
-        if told.await.is_err() {
-            // Nobody is left who could ask.
-            std::future::pending::<()>().await;
-        }
-    };
-    Ok((first, second))
-}
-
-/// The last words.
-fn verdict(name: &str, outcome: Option<Outcome>, show: &Show) -> anyhow::Result<()> {
-    let name = escape::printable(name);
-    let after = |safety| match safety {
-        Safety::Untouched => "nothing of it was sent",
-        Safety::Acknowledged => "the printer has run the cancel macro: heaters are off",
-        Safety::ByFirmware => "the firmware has switched its heaters off",
-        Safety::Unknown => {
-            "the printer did not confirm the cancel macro: HEATERS MAY BE ON, switch it off by hand"
-        }
-    };
-    match outcome {
-        Some(Outcome::Finished) => {
-            show.summary(&name);
-            Ok(())
-        }
-        Some(Outcome::Stopped { ending, safety }) => match ending {
-            Ending::Cancelled => bail!("{name}: cancelled; {}", after(safety)),
-            Ending::Failed(failure) => {
-                let failure = escape::printable(&failure.to_string());
-                bail!("{name}: {failure}; {}", after(safety))
-            }
-        },
-        None => bail!(
-            "{name}: quit at once; the printer goes on with what it has, and HEATERS AND MOTORS \
-             STAY AS THEY ARE: switch it off by hand"
-        ),
-    }
 }

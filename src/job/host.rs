@@ -12,8 +12,10 @@
 //! the line numbers mean, the first line after a pause. Checkpoints are not waited
 //! for, but no more than [`MAX_AHEAD`] commands are sent beyond the last one that is
 //! durable.
-use super::record::{Checkpoint, Record};
+use super::record::{Checkpoint, Log, Record};
+use super::recover::{Case, Plan, ResumeRules};
 use super::state::State;
+use super::tracker::EModes;
 use crate::printer::session::{Event, Outcome, Session, Settings};
 use crate::printer::source::Source;
 use std::collections::VecDeque;
@@ -22,8 +24,14 @@ use std::collections::VecDeque;
 /// power cut may go over again, the printer's own queues apart.
 pub const MAX_AHEAD: u64 = 1024;
 
+/// A checkpoint is written at least every so many commands while lines are acknowledged…
+pub const CHECKPOINT_COMMANDS: u64 = 512;
+
+/// …or after so long.
+pub const CHECKPOINT_MS: u64 = 5_000;
+
 /// What one job on one printer needs to be told.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct HostSettings {
     /// The connection's.
     pub session: Settings,
@@ -33,6 +41,25 @@ pub struct HostSettings {
     pub end_macro: Vec<String>,
     /// Lines that park the head.
     pub pause_macro: Vec<String>,
+    /// How the job may be resumed after the printer lost its state.
+    pub resume: ResumeRules,
+    /// What `G90` and `G91` do to E.
+    pub e_modes: EModes,
+    /// Lowers the nozzle's target in a long pause.
+    pub pause_cooling: Option<PauseCooling>,
+    /// Whether a host whose printer lost its state waits for [`Request::Confirm`]
+    /// (after [`HostEvent::Planned`]); otherwise it ends there, and the job is
+    /// resumed later.
+    pub waits_for_person: bool,
+}
+
+/// What a long pause does to the nozzle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PauseCooling {
+    /// After so long a pause, ms…
+    pub after_ms: u64,
+    /// …its target is lowered to this, °C.
+    pub nozzle_c: f32,
 }
 
 /// How a host begins.
@@ -40,8 +67,28 @@ pub struct HostSettings {
 pub enum Begin {
     /// From the job's first line.
     Fresh,
-    /// After a host that died: ask the printer where it is.
-    TakeOver,
+    /// After a host that died: ask the printer where it is, go on if it kept its state
+    /// (if it was parked: stay so until [`Request::Resume`]). If it did not, the host is
+    /// [`State::Interrupted`], see [`HostSettings::waits_for_person`].
+    TakeOver {
+        /// What the journal says of the job.
+        log: Box<Log>,
+    },
+    /// After the printer lost its state. The way back is planned at once and
+    /// runs after [`Request::Confirm`], or without asking where `confirmed` says that
+    /// a person has given the word.
+    AfterReset {
+        /// What the journal says of the job.
+        log: Box<Log>,
+        /// Part and nozzle are clear.
+        confirmed: bool,
+    },
+    /// For a guardian: ask the printer where it is, write that down, run the cancel
+    /// macro, end as [`State::Interrupted`].
+    MakeSafe {
+        /// What the journal says of the job.
+        log: Box<Log>,
+    },
 }
 
 /// What a user wants.
@@ -51,6 +98,8 @@ pub enum Request {
     Pause,
     /// Go on: after a pause, or where the printer waits for a person.
     Resume,
+    /// Part and nozzle are clear: the way back after a loss of state may run.
+    Confirm,
     /// End it, safely.
     Cancel,
     /// M112, at once.
@@ -83,6 +132,10 @@ pub enum HostEvent {
     Session(Event),
     /// A request was refused, and why.
     Refused(&'static str),
+    /// Where a job that was broken off stands.
+    Case(Case),
+    /// The way back is known ([`Host::plan`]) and waits for [`Request::Confirm`].
+    Planned,
     /// Something that the user should know.
     Told(String),
 }
@@ -110,7 +163,7 @@ impl<S: Source> Host<S> {
     pub fn new(settings: HostSettings, source: S, begin: &Begin, now_ms: u64) -> Self {
         let session = match begin {
             Begin::Fresh => Session::new(settings.session.clone(), now_ms),
-            Begin::TakeOver => Session::take_over(settings.session.clone(), now_ms),
+            _ => Session::take_over(settings.session.clone(), now_ms),
         };
         let mut host = Self {
             settings,
@@ -224,7 +277,18 @@ impl<S: Source> Host<S> {
         Checkpoint { line: self.session.job_acked(), ..Checkpoint::default() }
     }
 
-    /// How it ended.
+    /// Where the job that was taken up was found to stand.
+    pub fn case(&self) -> Option<&Case> {
+        None
+    }
+
+    /// The way back after a loss of state, once it is known.
+    pub fn plan(&self) -> Option<&Plan> {
+        None
+    }
+
+    /// How it ended. With [`Case`]s that end a host before its connection has ended
+    /// by itself this is `None` although [`Host::port`] is [`PortWish::Close`].
     pub fn outcome(&self) -> Option<&Outcome> {
         self.over.as_ref()
     }

@@ -9,12 +9,20 @@
 //! - [`digest`]: a job file that must not change, chunk by chunk.
 //! - [`tracker`]: the machine's state that the lines sent so far add up to.
 //! - [`host`]: one job on one printer: session, state, records and tracker together; no I/O, no clock.
+//! - [`run`]: a host, a port, a clock and a user together; [`scribe`]: the journal's thread.
 //! - [`recover`]: where a job that was broken off stands, and the way back into it.
 //!
 //! Invariant: [`state`], [`record`], [`tracker`], [`host`] and [`recover`] are pure;
-//! [`journal`] reaches a medium through [`storage`] alone.
+//! [`journal`] reaches a medium through [`storage`] alone. Only [`run`] and [`scribe`] know threads and
+//! a clock.
+pub mod digest;
+pub mod disk;
 pub mod host;
+pub mod journal;
 pub mod record;
 pub mod recover;
+pub mod run;
+pub mod scribe;
 pub mod state;
 pub mod storage;
+pub mod tracker;

@@ -7,8 +7,17 @@ use std::path::PathBuf;
 /// A SHA-256.
 pub type Digest = [u8; 32];
 
+/// Numbers on the wire below the last checkpoint that are still told apart. An `ok`
+/// does not prove acceptance: after a checkpoint the printer's last line may be lower
+/// than what was acknowledged, by what its buffers hold (at most some 256 lines).
+pub const SETTLE_MARGIN: u32 = 1024;
+
+/// Numbers kept that are not the file's: six days of a question every 2 s without
+/// one command of the file getting on. Beyond, numbers say nothing any more.
+pub const MAX_OWN: usize = 1 << 18;
+
 /// What is known of a job from its acceptance on.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Accepted {
     /// The file, absolute.
     pub path: PathBuf,
@@ -28,6 +37,9 @@ pub struct Accepted {
     pub profile: String,
     /// When, in seconds since 1970.
     pub at_unix_s: u64,
+    /// Tells whether the file was written to since, from what the file system says of
+    /// it (`disk::stamp`); 0: not known.
+    pub stamp: u64,
 }
 
 /// How far a job is, as far as the printer has acknowledged it.
@@ -117,6 +129,9 @@ pub struct Log {
     pub made_safe: Option<Option<f64>>,
     /// The last note.
     pub note: Option<String>,
+    /// The journal was damaged in its middle: records after the damage are lost, and
+    /// the job may be further than all of this says.
+    pub damaged: bool,
 }
 
 /// Which command of the file a number on the wire is.
@@ -146,10 +161,57 @@ impl Numbers {
             Numbers::Nothing { after } => Some(*after),
             Numbers::Job { first, after, own } => {
                 let sent = (u64::from(last) + 1).checked_sub(u64::from(*first))?;
-                let ours = own.iter().filter(|n| **n <= last).count() as u64;
-                Some(after + sent.saturating_sub(ours))
+                let not_ours = own.partition_point(|n| *n <= last) as u64;
+                Some(after + sent.saturating_sub(not_ours))
             }
         }
+    }
+
+    /// Numbers of which nothing is known: no number leads to a place in the file.
+    pub fn unknown() -> Self {
+        Numbers::Job { first: u32::MAX, after: 0, own: Vec::new() }
+    }
+
+    /// `n` is not the file's.
+    fn not_ours(&mut self, n: u32) {
+        let Numbers::Job { own, first, .. } = self else { return };
+        if own.last().is_some_and(|last| n <= *last) || n < *first {
+            // Told twice, or of a count that is over.
+            return;
+        }
+        if own.len() >= MAX_OWN {
+            // A wrong place is worse than none.
+            *self = Numbers::unknown();
+            return;
+        }
+        own.push(n);
+    }
+
+    /// `commands` commands of the file were acknowledged: numbers more than
+    /// [`SETTLE_MARGIN`] below that one are put together, so that `own` stays short.
+    /// Every number above them leads where it led before; those below lead nowhere.
+    fn settle(&mut self, commands: u64) {
+        let Some(acked) = self.number_of(commands) else { return };
+        let Numbers::Job { first, after, own } = self else { return };
+        let Some(cut) = acked.checked_sub(SETTLE_MARGIN).filter(|cut| *cut > *first) else { return };
+        let below = own.partition_point(|n| *n < cut);
+        *after += u64::from(cut - *first) - below as u64;
+        *first = cut;
+        own.drain(..below);
+    }
+
+    /// The number on the wire of the file's command `commands`; `None` where that is
+    /// before the first, or no number.
+    fn number_of(&self, commands: u64) -> Option<u32> {
+        let Numbers::Job { first, after, own } = self else { return None };
+        let mut n = u64::from(*first) + commands.checked_sub(*after)?.checked_sub(1)?;
+        for not_ours in own {
+            if u64::from(*not_ours) > n {
+                break;
+            }
+            n += 1;
+        }
+        u32::try_from(n).ok()
     }
 }
 
@@ -165,6 +227,17 @@ impl Log {
             checkpoint: Checkpoint::default(),
             made_safe: None,
             note: None,
+            damaged: false,
+        }
+    }
+
+    /// The picture of a journal that was damaged in its middle: a job that is not over
+    /// was broken off somewhere, and no number on the wire tells where.
+    pub fn distrust(&mut self) {
+        self.damaged = true;
+        self.numbers = Numbers::unknown();
+        if !matches!(self.state, State::Finished | State::Cancelled | State::Failed) {
+            self.state = State::Interrupted;
         }
     }
 
@@ -182,13 +255,12 @@ impl Log {
                 self.numbers = Numbers::Job { first: *first, after: *after, own: Vec::new() };
                 self.made_safe = None;
             }
-            Record::Own { n } => {
-                if let Numbers::Job { own, .. } = &mut self.numbers {
-                    own.push(*n);
-                }
-            }
+            Record::Own { n } => self.numbers.not_ours(*n),
             Record::Unnumbered { after } => self.numbers = Numbers::Nothing { after: *after },
-            Record::Checkpoint(checkpoint) => self.checkpoint = *checkpoint,
+            Record::Checkpoint(checkpoint) => {
+                self.checkpoint = *checkpoint;
+                self.numbers.settle(checkpoint.commands);
+            }
             Record::MadeSafe { z_mm } => self.made_safe = Some(*z_mm),
             Record::Note(text) => self.note = Some(text.clone()),
         }

@@ -2,8 +2,82 @@
 //!
 //! Takes the journal's picture and what the printer says of itself; gives one of the
 //! cases that a person is told of. Pure.
-use super::record::Log;
+//!
+//! # What is certain after a loss of state
+//! A firmware says `ok` when a command is in its queue or planner, not when the move
+//! is made. So of the `n` commands that the last durable checkpoint says were
+//! acknowledged, those before the last [`ResumeRules::depth`] surely were executed,
+//! and nothing beyond `n + MAX_AHEAD` was sent. The job is taken up again before the
+//! former, so nothing is left out, and what is printed twice is at most
+//! [`ResumeRules::most_twice`] commands.
+use super::host::MAX_AHEAD;
+use super::record::{Log, Numbers};
+use super::state::State;
 use crate::printer::session::Found;
+
+/// What a profile says of resuming after the printer lost its state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResumeRules {
+    /// X and Y can be homed without Z (not on a delta, polar or SCARA machine).
+    pub homes_xy_alone: bool,
+    /// Homing X and Y cannot touch a part on the bed once Z was raised.
+    pub homing_clears_part: bool,
+    /// How far Z is raised before anything moves in X or Y, mm.
+    pub raise_mm: f64,
+    /// Temperature at which the nozzle comes off the part, °C.
+    pub soften_c: f32,
+    /// Moves that the firmware plans ahead (BLOCK_BUFFER_SIZE).
+    pub planner_moves: u32,
+    /// Commands that it queues (BUFSIZE).
+    pub queue_commands: u32,
+    /// Tells the firmware its Z without moving; `{z}` is the height. None: `G92 Z{z}`.
+    pub z_set: Vec<String>,
+    /// Homes X and Y without Z. None: `G28 R0 X Y`.
+    pub home: Vec<String>,
+    /// Restores bed levelling.
+    pub levelling: Vec<String>,
+    /// Primes the nozzle off the part, Z being raised. None: 10 mm of filament where X and
+    /// Y are after homing.
+    pub prime: Vec<String>,
+}
+
+impl Default for ResumeRules {
+    /// A Marlin of which nothing is known: no resume after a loss of power.
+    fn default() -> Self {
+        Self {
+            homes_xy_alone: false,
+            homing_clears_part: false,
+            raise_mm: 10.0,
+            soften_c: 150.0,
+            planner_moves: 16,
+            queue_commands: 4,
+            z_set: Vec::new(),
+            home: Vec::new(),
+            levelling: vec!["M420 S1".to_owned()],
+            prime: Vec::new(),
+        }
+    }
+}
+
+/// An `ok` does not prove acceptance: a line with a damaged `N` is answered too, and
+/// so may be the one before the refusal arrives.
+pub const UNPROVED_OKS: u32 = 2;
+
+/// So many moves further back a place is looked for at which a restart shows least:
+/// the start of a travel.
+pub const CLEAN_BACK_MOVES: u32 = 16;
+
+impl ResumeRules {
+    /// Moves before the last acknowledged command that may not have been made.
+    pub fn depth(&self) -> u32 {
+        self.planner_moves.saturating_add(self.queue_commands).saturating_add(UNPROVED_OKS)
+    }
+
+    /// Moves that are made twice at most by a resume after a loss of state.
+    pub fn most_twice(&self) -> u64 {
+        MAX_AHEAD + u64::from(self.depth()) + u64::from(CLEAN_BACK_MOVES)
+    }
+}
 
 /// Where a job that was broken off stands.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,13 +88,20 @@ pub enum Case {
     HostDied {
         /// Commands of the file that the printer has accepted.
         after: u64,
+        /// It was parked, or on its way there or back: it waits for a person's word.
+        parked: bool,
     },
     /// The printer lost its state; after a person's word the job goes on after so
     /// many commands, of which the last few may be printed twice.
     PrinterReset {
-        /// Commands of the file that surely were executed.
+        /// Commands of the file that were acknowledged. The job goes on some moves
+        /// before (see the module's text) unless `exact`.
         after: u64,
+        /// All of these were executed and nothing after them.
+        exact: bool,
     },
+    /// The printer lost its state and the job cannot be resumed: why.
+    Refused(Refusal),
     /// Not to be known: what is certain, and what is not.
     NotKnown {
         /// For the user.
@@ -28,12 +109,67 @@ pub enum Case {
         /// For the user.
         uncertain: String,
     },
+    /// It was being ended when its host died: that is done first.
+    Unsafe,
     /// It is over.
     Over,
 }
 
+/// Why a job cannot be resumed after the printer lost its state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// Delta, polar, SCARA.
+    #[error("this printer cannot home X and Y without moving Z, and Z cannot be homed over a part")]
+    HomingMovesZ,
+    /// The profile does not say that homing is clear of the part.
+    #[error(
+        "the profile does not say that homing X and Y is clear of a part on the bed \
+         (resume.homing_clears_part)"
+    )]
+    HomingMayHitPart,
+    /// Objects are printed one by one, and some are finished.
+    #[error("objects are printed one after the other, and the head could hit those that are finished")]
+    OneByOne,
+    /// Too many commands without a move for what is kept of them.
+    #[error("the file has too many commands without a move where it broke off")]
+    TooManyCommands,
+}
+
 /// Tells the cases apart.
-pub fn case(log: &Log, found: Found) -> Case {
-    let _ = (log, found);
+pub fn case(log: &Log, found: Found, rules: &ResumeRules) -> Case {
+    let _ = (log, found, rules, Numbers::Nothing { after: 0 }, State::Lost);
     Case::NotKnown { certain: String::new(), uncertain: String::new() }
+}
+
+/// The way back into a job after the printer lost its state.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Plan {
+    /// What is done, in order.
+    pub steps: Vec<Step>,
+    /// Commands of the file that are not sent again.
+    pub after: u64,
+    /// Moves that may be made twice, at most.
+    pub most_twice: u64,
+    /// Height that the nozzle is taken to be at, mm.
+    pub z_mm: f64,
+}
+
+/// One step of a [`Plan`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// For a person: `raise the nozzle by 10 mm`.
+    pub what: String,
+    /// Lines that are sent for it.
+    pub lines: Vec<String>,
+    /// What is known of the nozzle's height while it runs and after it.
+    pub z: ZDuring,
+}
+
+/// What is known of the nozzle's height during a step of a [`Plan`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ZDuring {
+    /// As before.
+    Same,
+    /// It moves: if the power fails now, it is not known; afterwards it is this, mm.
+    MovesTo(f64),
 }

@@ -1,4 +1,6 @@
 //! The medium of a journal, as an interface: the seam at which tests cut the power.
+pub mod sim;
+
 use std::io;
 
 /// One append-only file with a whole-file replacement, as file systems promise them:
@@ -28,6 +30,7 @@ pub trait Storage {
     /// whole: temporary file, sync, rename, sync of the folder. Also makes the file.
     ///
     /// # Errors
-    /// The medium's; the old file is then still there.
+    /// The medium's; either file may then be there, whole: nothing but another
+    /// replacement makes it certain.
     fn replace(&mut self, bytes: &[u8]) -> io::Result<()>;
 }

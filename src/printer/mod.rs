@@ -9,15 +9,13 @@
 //! - [`source`]: where a job's lines come from.
 //! - [`session`]: the state machine over these; no I/O, no clock.
 //! - [`port`]: the serial port.
-//! - [`drive`]: a session, a port and a clock, together.
 //! - [`mock`]: the other side: a strict Marlin on a pseudo-terminal.
 //!
-//! Invariant: on the sender's side nothing but [`port`] and [`drive`] does I/O or
-//! asks the time; it shares no code with [`mock`].
+//! Invariant: on the sender's side nothing but [`port`] does I/O or asks the
+//! time; it shares no code with [`mock`].
 //!
 //! Knows the G-code crate's framing. Settings come as plain values: this room
 //! knows no profile, no command line and no terminal.
-pub mod drive;
 pub mod job_file;
 pub mod lines;
 pub mod mock;

@@ -1,22 +1,37 @@
-//! The serial port: the only file that names `serialport` and `tokio-serial`.
+//! The serial port: with its folder, the only place that names `serialport`.
 //!
 //! Takes a device path, gives non-blocking reads and writes on a tokio runtime.
 //! A port that is gone (unplugged, or a pseudo-terminal whose other side closed)
 //! is one error, [`PortError::Gone`], however the system words it. Knows nothing
 //! of what is sent.
 //!
-//! Where the system lacks the calls that set any baud rate (`TCSETS2`: user-mode
-//! emulators), a pseudo-terminal, which has no rate, is opened without them.
-use nix::sys::termios;
-use rustix::fs::{Mode, OFlags};
+//! # Opening, closing and the board's reset
+//! On most boards with a USB bridge the line DTR resets the processor when it
+//! goes up. The kernel raises it whenever a port that nobody holds is opened, and
+//! no program can prevent that: the first opening after the cable was plugged in
+//! resets such a board. What follows is ours: HUPCL is cleared, so that DTR stays
+//! up when we end, die, or are killed, and the next opening finds it up and resets
+//! nothing. A reset that is wanted is made on purpose: [`OpenMode::Fresh`],
+//! [`Port::reset_board`].
+mod device;
+#[cfg(test)]
+mod tests;
+
+use device::Device;
 use std::future::poll_fn;
 use std::io;
-use std::pin::Pin;
 use std::task::{Context, Poll};
+use std::time::Duration;
 use thiserror::Error;
-use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::net::unix::pipe;
-use tokio_serial::SerialStream;
+
+/// DTR stays down so long for a reset. Boards react to its edge; the capacitor
+/// behind it needs some milliseconds, a slow opto-coupler some tens.
+const DTR_LOW: Duration = Duration::from_millis(250);
+
+/// Writes that may follow one another while there is something to read: whoever
+/// has endless output shall still hear the printer. A job's window never comes
+/// near it, so that it costs no system call there.
+const WRITES_IN_A_ROW: u32 = 16;
 
 /// Why there is no port, or none any more.
 #[derive(Debug, Error)]
@@ -55,57 +70,24 @@ fn advice(kind: io::ErrorKind) -> &'static str {
         io::ErrorKind::PermissionDenied => {
             "; on most systems your user must be in the group that owns it (dialout or uucp)"
         }
-        io::ErrorKind::ResourceBusy => "; another program holds it",
+        io::ErrorKind::ResourceBusy => "; another program holds it (a job that runs?)",
         _ => "",
     }
 }
 
-/// An open port, held exclusively.
-#[derive(Debug)]
-pub struct Port {
-    stream: Stream,
-    path: String,
-}
-
-#[derive(Debug)]
-enum Stream {
-    Serial(SerialStream),
-    /// A pseudo-terminal on a system without `TCSETS2`: one descriptor for each way.
-    Terminal(pipe::Receiver, pipe::Sender),
-}
-
-impl Stream {
-    /// Opens a pseudo-terminal raw, by the calls that every system has.
-    fn terminal(path: &str) -> io::Result<Stream> {
-        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-        let fd = rustix::fs::open(path, flags, Mode::empty())?;
-        let mut modes = termios::tcgetattr(&fd)?;
-        termios::cfmakeraw(&mut modes);
-        termios::tcsetattr(&fd, termios::SetArg::TCSANOW, &modes)?;
-        let back = pipe::Receiver::from_owned_fd_unchecked(fd.try_clone()?)?;
-        Ok(Stream::Terminal(back, pipe::Sender::from_owned_fd_unchecked(fd)?))
-    }
-
-    fn poll_write(&mut self, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        match self {
-            Stream::Serial(stream) => Pin::new(stream).poll_write(cx, bytes),
-            Stream::Terminal(_, to) => Pin::new(to).poll_write(cx, bytes),
-        }
-    }
-
-    fn poll_read(&mut self, cx: &mut Context<'_>, input: &mut [u8]) -> Poll<io::Result<usize>> {
-        let mut buffer = ReadBuf::new(input);
-        let read = match self {
-            Stream::Serial(stream) => Pin::new(stream).poll_read(cx, &mut buffer),
-            Stream::Terminal(from, _) => Pin::new(from).poll_read(cx, &mut buffer),
-        };
-        read.map_ok(|()| buffer.filled().len())
-    }
-}
-
-/// Whether the path, links followed, is a pseudo-terminal.
-fn is_pseudo_terminal(path: &str) -> bool {
-    std::fs::canonicalize(path).is_ok_and(|device| device.starts_with("/dev/pts"))
+/// With what intent a port is opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OpenMode {
+    /// A new start: nothing on the other side is to be kept.
+    Fresh {
+        /// Reset the board by DTR even if it was up already. Set it where the
+        /// profile says that the board resets, so that each start finds the same
+        /// board. A pseudo-terminal has no DTR; there opening is all.
+        reset: bool,
+    },
+    /// The firmware may be in the middle of a job: nothing but what opening does
+    /// by itself.
+    TakeOver,
 }
 
 /// What [`Port::exchange`] did.
@@ -117,55 +99,164 @@ pub enum Moved {
     Read(usize),
 }
 
+/// An open port, held exclusively.
+#[derive(Debug)]
+pub struct Port {
+    /// `None` once it was closed for a reset and could not be opened again.
+    device: Option<Device>,
+    path: String,
+    baud: u32,
+    writes: u32,
+}
+
 impl Port {
     /// Opens `path` raw, 8N1, without flow control, at any `baud` that the
     /// hardware takes, 250,000 included; no other program may open it meanwhile.
+    /// Call within a tokio runtime that drives I/O.
     ///
-    /// Opening raises DTR, which resets many boards. Call within a tokio runtime
-    /// that drives I/O.
+    /// What opening does to the board stands in the module's text.
+    ///
+    /// # Errors
+    /// [`PortError::Open`].
     pub fn open(path: &str, baud: u32) -> Result<Self, PortError> {
-        let opened = SerialStream::open(&tokio_serial::new(path, baud)).map(Stream::Serial).or_else(|e| {
-            // The crate has no class for ENOSYS; a port that another program holds is `NoDevice`.
-            let lacks_calls = e.kind == tokio_serial::ErrorKind::Unknown;
-            match lacks_calls && is_pseudo_terminal(path) {
-                true => Stream::terminal(path).map_err(|_| e),
-                false => Err(e),
-            }
-        });
-        let stream = opened.map_err(|e| {
-            let kind = match e.kind {
-                tokio_serial::ErrorKind::NoDevice if !std::path::Path::new(path).exists() => {
-                    io::ErrorKind::NotFound
-                }
-                tokio_serial::ErrorKind::NoDevice => io::ErrorKind::ResourceBusy,
-                tokio_serial::ErrorKind::Io(kind) => kind,
-                _ => io::ErrorKind::Other,
-            };
-            PortError::Open { path: path.to_owned(), baud, reason: e.description, kind }
-        })?;
-        Ok(Self { stream, path: path.to_owned() })
+        let device = Device::open(path, baud)?;
+        Ok(Self { device: Some(device), path: path.to_owned(), baud, writes: 0 })
+    }
+
+    /// [`Self::open`], and what `mode` asks for besides.
+    ///
+    /// # Errors
+    /// As [`Self::open`] and [`Self::reset_board`].
+    pub async fn open_as(path: &str, baud: u32, mode: OpenMode) -> Result<Self, PortError> {
+        let mut port = Self::open(path, baud)?;
+        // A pseudo-terminal's opening is its reset already.
+        if mode == (OpenMode::Fresh { reset: true }) && port.has_dtr() {
+            port.reset_board().await?;
+        }
+        Ok(port)
+    }
+
+    /// The device, as it was named.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// Bits per second.
+    pub fn baud(&self) -> u32 {
+        self.baud
+    }
+
+    /// Another speed, without closing the port (which could reset the board).
+    ///
+    /// # Errors
+    /// The hardware or the driver does not take it.
+    pub fn set_baud(&mut self, baud: u32) -> Result<(), PortError> {
+        let done = self.device_mut().and_then(|device| device.set_baud(baud));
+        done.map_err(|e| self.error(e))?;
+        self.baud = baud;
+        Ok(())
+    }
+
+    /// Drops the bytes that were written and not yet sent, for an emergency stop
+    /// that must not wait behind them; a write that was blocked can go on at once.
+    ///
+    /// What the device on the other side has taken stays with it. The drivers of
+    /// UARTs, CDC-ACM and pseudo-terminals drop what they hold; those of most USB
+    /// bridges (`ttyUSB`) hold to it, but send it on at the line's speed. So the
+    /// bytes in flight must be few anyway, and a command after this one begins with
+    /// a line feed: the last line may be cut anywhere.
+    ///
+    /// # Errors
+    /// The port is gone, or the system refuses.
+    pub fn flush_output(&mut self) -> Result<(), PortError> {
+        let done = self.device_mut().and_then(|device| device.flush(true, false));
+        done.map_err(|e| self.error(e))
+    }
+
+    /// Resets the board: DTR goes down for 250 ms and up again; what was not sent
+    /// and not read is dropped. A pseudo-terminal, which has no DTR, is closed and
+    /// opened again.
+    ///
+    /// Whether DTR is wired to the reset nobody can ask; a board that was reset
+    /// says `start`. When the future is dropped midway, DTR goes up nevertheless.
+    ///
+    /// # Errors
+    /// The port is gone, its driver has no DTR, or it cannot be opened again.
+    pub async fn reset_board(&mut self) -> Result<(), PortError> {
+        if !self.has_dtr() {
+            // Closed first: it is held exclusively.
+            self.device = None;
+            self.device = Some(Device::open(&self.path, self.baud)?);
+            return Ok(());
+        }
+        let done = async {
+            let device = self.device_mut()?;
+            let mut low = device.lower_dtr()?;
+            tokio::time::sleep(DTR_LOW).await;
+            // The board runs until the line goes up: its last words are no answer.
+            low.device().flush(true, true)?;
+            low.raise()
+        };
+        done.await.map_err(|e| self.error(e))
+    }
+
+    /// Whether there is a line that could reset the board: not on a pseudo-terminal.
+    pub fn has_dtr(&self) -> bool {
+        self.device.as_ref().is_some_and(Device::has_dtr)
     }
 
     /// Waits until some of `output` can be written or something can be read into
     /// `input`, and does it. Neither waits for the other: a printer that takes no
-    /// more bytes may still have much to say.
+    /// more bytes may still have much to say, and is heard even if there is always
+    /// more to write.
     ///
     /// Nothing is lost when the returned future is dropped.
+    ///
+    /// # Errors
+    /// The port is gone, or the system refuses.
     pub async fn exchange(&mut self, input: &mut [u8], output: &[u8]) -> Result<Moved, PortError> {
-        let stream = &mut self.stream;
-        let moved = poll_fn(|cx| {
-            if !output.is_empty()
-                && let Poll::Ready(done) = stream.poll_write(cx, output)
-            {
-                return Poll::Ready(done.map(Moved::Wrote));
-            }
-            stream.poll_read(cx, input).map_ok(Moved::Read)
-        })
-        .await;
+        let reads_first = self.writes >= WRITES_IN_A_ROW;
+        if reads_first {
+            // The runtime looks for input only when nothing else can go on.
+            tokio::task::yield_now().await;
+        }
+        let moved = poll_fn(|cx| self.poll_exchange(cx, input, output, reads_first)).await;
         match moved {
             Ok(Moved::Read(0)) => Err(self.gone()),
             other => other.map_err(|e| self.error(e)),
         }
+    }
+
+    fn poll_exchange(
+        &mut self,
+        cx: &mut Context<'_>,
+        input: &mut [u8],
+        output: &[u8],
+        reads_first: bool,
+    ) -> Poll<io::Result<Moved>> {
+        let Some(device) = &mut self.device else {
+            return Poll::Ready(Err(io::ErrorKind::NotConnected.into()));
+        };
+        let write = |device: &mut Device, cx: &mut Context<'_>| match output.is_empty() {
+            true => Poll::Pending,
+            false => device.poll_write(cx, output),
+        };
+        if !reads_first && let Poll::Ready(done) = write(device, cx) {
+            self.writes += 1;
+            return Poll::Ready(done.map(Moved::Wrote));
+        }
+        self.writes = 0;
+        if let Poll::Ready(done) = device.poll_read(cx, input) {
+            return Poll::Ready(done.map(Moved::Read));
+        }
+        match reads_first {
+            true => write(device, cx).map_ok(Moved::Wrote),
+            false => Poll::Pending,
+        }
+    }
+
+    fn device_mut(&mut self) -> io::Result<&mut Device> {
+        self.device.as_mut().ok_or_else(|| io::ErrorKind::NotConnected.into())
     }
 
     fn error(&self, source: io::Error) -> PortError {
@@ -180,39 +271,5 @@ impl Port {
 
     fn gone(&self) -> PortError {
         PortError::Gone { path: self.path.clone() }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-
-    /// A pseudo-terminal opened without `TCSETS2` carries every byte both ways, and
-    /// its end is a port that is gone.
-    #[test]
-    fn a_terminal_without_rates_is_a_port() {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build().unwrap();
-        runtime.block_on(async {
-            let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
-            grantpt(&master).unwrap();
-            unlockpt(&master).unwrap();
-            let path = ptsname(&master, Vec::new()).unwrap().to_string_lossy().into_owned();
-            assert!(is_pseudo_terminal(&path) && !is_pseudo_terminal("/dev/null"));
-            let mut port = Port { stream: Stream::terminal(&path).unwrap(), path };
-            let mut input = [0; 16];
-
-            rustix::io::write(&master, b"ok\r\n").unwrap();
-            assert_eq!(port.exchange(&mut input, b"").await.unwrap(), Moved::Read(4));
-            assert_eq!(&input[..4], b"ok\r\n");
-
-            assert_eq!(port.exchange(&mut input, b"N1 M105\n").await.unwrap(), Moved::Wrote(8));
-            let mut seen = [0; 16];
-            assert_eq!(rustix::io::read(&master, &mut seen).unwrap(), 8);
-            assert_eq!(&seen[..8], b"N1 M105\n");
-
-            drop(master);
-            assert!(matches!(port.exchange(&mut input, b"").await, Err(PortError::Gone { .. })));
-        });
     }
 }

@@ -19,6 +19,11 @@ pub trait Source {
 
     /// The line where [`Source::advance`] stopped.
     fn line(&self) -> JobLine<'_>;
+
+    /// Layers begun by the marks before that line; 0: none, or not marked.
+    fn layer(&self) -> u32 {
+        0
+    }
 }
 
 /// A job that cannot be read on.

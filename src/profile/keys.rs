@@ -63,6 +63,11 @@ pub const PRINTER: &[Key] = &[
     ),
     key("nozzle_mm", Number(0.05, 3.0), "Bore of the stock nozzle, mm"),
     key("filament_mm", Number(1.0, 4.0), "Diameter of the filament, mm"),
+    optional(
+        "orphan_timeout_s",
+        Whole(1, 86_400),
+        "How long after the host's death another may take the job up before the heaters are switched off, s (left out: 300)",
+    ),
     key("bed", Table, "The volume that can be printed"),
     key(
         "bed.shape",
@@ -96,6 +101,11 @@ pub const PRINTER: &[Key] = &[
         "Longest framed line that the firmware takes whole, bytes without the line end (left out: no limit)",
     ),
     key("serial.dtr_reset", Flag, "Whether opening the port (DTR) resets the board"),
+    optional(
+        "serial.hard_stop",
+        OneOf(&["dtr", "none"]),
+        "What stops a board that does not hear M112: dtr resets it (left out: dtr where dtr_reset is true)",
+    ),
     key("limits", Table, "Temperatures that must not be passed"),
     key("limits.nozzle_c", Number(100.0, 600.0), "Hottest nozzle of the stock hot end, °C"),
     key("limits.bed_c", Number(0.0, 250.0), "Hottest bed (0: no heater), °C"),
@@ -141,6 +151,57 @@ pub const PRINTER: &[Key] = &[
         "macros.cancel",
         Macro,
         "When a job is given up: heaters and fan off, Z raised relatively before anything else moves",
+    ),
+    optional(
+        "resume",
+        Table,
+        "The way back into a job after a reset or a power cut (left out: such a job is not resumed)",
+    ),
+    key(
+        "resume.homes_xy_alone",
+        Flag,
+        "Whether X and Y can be homed without Z (not on a delta, polar or SCARA machine)",
+    ),
+    key(
+        "resume.homing_clears_part",
+        Flag,
+        "Whether homing X and Y cannot touch a part on the bed once Z was raised",
+    ),
+    optional(
+        "resume.raise_mm",
+        Number(1.0, 100.0),
+        "How far Z is raised before X or Y moves, mm (left out: 10)",
+    ),
+    optional(
+        "resume.soften_c",
+        Number(50.0, 300.0),
+        "At which a nozzle comes off the part that it stands on without dripping, °C (left out: 150)",
+    ),
+    optional(
+        "resume.planner_moves",
+        Whole(0, 4096),
+        "Moves that the firmware plans ahead: BLOCK_BUFFER_SIZE (left out: 16)",
+    ),
+    optional(
+        "resume.queue_commands",
+        Whole(0, 4096),
+        "Commands that it queues besides: BUFSIZE (left out: 4)",
+    ),
+    optional(
+        "resume.z_set",
+        Macro,
+        "Tells the firmware the height {z}, in mm, without a move; G92.9 Z{z} where it knows that (left out: G92 Z{z})",
+    ),
+    optional("resume.home", Macro, "Homes X and Y, and nothing moves in Z (left out: G28 R0 X Y)"),
+    optional(
+        "resume.levelling",
+        Macro,
+        "Turns on the bed levelling that the firmware kept: M420 S1 (left out: nothing)",
+    ),
+    optional(
+        "resume.prime",
+        Macro,
+        "Presses filament out where there is no part; never lower than the raised height (left out: nothing)",
     ),
 ];
 

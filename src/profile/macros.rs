@@ -28,24 +28,42 @@ impl Macro {
     }
 }
 
+/// Said of a command whose words cannot be told apart.
+pub(super) const GLUED: &str =
+    "it has a command that cannot be read: one letter and number a word, with blanks between";
+
 /// One command taken apart, as far as the safety rules need it.
-struct Words<'a>(&'a str);
+pub(super) struct Words<'a>(pub(super) &'a str);
 
 impl Words<'_> {
-    fn is(&self, name: &str) -> bool {
+    pub(super) fn is(&self, name: &str) -> bool {
         self.0.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case(name))
     }
 
     /// The number after a letter, if the command has it.
-    fn value(&self, letter: char) -> Option<f64> {
+    pub(super) fn value(&self, letter: char) -> Option<f64> {
         self.0.split_whitespace().skip(1).find_map(|word| {
-            let rest = word.strip_prefix(letter)?;
+            let rest = word.strip_prefix([letter, letter.to_ascii_lowercase()])?;
             Some(if rest.is_empty() { 0.0 } else { rest.parse().unwrap_or(f64::NAN) })
         })
     }
 
-    fn moves(&self, axes: &str) -> bool {
+    pub(super) fn moves(&self, axes: &str) -> bool {
         axes.chars().any(|axis| self.value(axis).is_some())
+    }
+
+    /// A command whose words stand without a blank between them (`G1X5Z-3`): firmware
+    /// reads them, and a proof that reads word by word would not.
+    pub(super) fn glued(&self) -> bool {
+        let mut words = self.0.split_whitespace();
+        let first = words.next().unwrap_or_default();
+        let code = first.strip_prefix(['G', 'M', 'T', 'g', 'm', 't']).unwrap_or_default();
+        if !code.starts_with(|c: char| c.is_ascii_digit()) || self.is("M117") || self.is("M118") {
+            return false;
+        }
+        let number = |text: &str| text.bytes().all(|b| b.is_ascii_digit() || b"+-.".contains(&b));
+        let plain = |word: &str| word.starts_with(|c: char| c.is_ascii_alphabetic()) && number(&word[1..]);
+        !number(code) || !words.all(plain)
     }
 }
 
@@ -79,9 +97,12 @@ pub fn unsendable(text: &Macro, max_line: Option<u32>) -> Option<String> {
 /// every absolute Z may be inside the part. `delta` says that homing goes up.
 pub fn unsafe_cancel(text: &Macro, delta: bool) -> Option<&'static str> {
     let (mut nozzle, mut bed, mut fan) = (false, false, false);
-    let (mut relative, mut raised) = (false, false);
+    let mut travel = Travel { delta, ..Travel::default() };
     for line in text.lines() {
         let words = Words(line);
+        if words.glued() {
+            return Some(GLUED);
+        }
         let off = words.value('S') == Some(0.0);
         if words.is("TURN_OFF_HEATERS") {
             (nozzle, bed) = (true, true);
@@ -93,30 +114,8 @@ pub fn unsafe_cancel(text: &Macro, delta: bool) -> Option<&'static str> {
             fan = true;
         } else if words.is("M109") || words.is("M190") {
             return Some("it waits for heat (M109 or M190), which holds up everything after it");
-        } else if words.is("G90") {
-            relative = false;
-        } else if words.is("G91") {
-            relative = true;
-        } else if words.is("G0") || words.is("G1") {
-            if words.value('Z').is_some() {
-                if !relative {
-                    return Some("it moves Z to an absolute height: raise it relatively (G91) first");
-                }
-                if words.value('Z').is_none_or(|z| z.is_nan() || z < 0.0) {
-                    return Some("it moves Z downwards");
-                }
-                raised = true;
-            }
-            if words.moves("XY") && !raised {
-                return Some("it moves X or Y before Z was raised");
-            }
-        } else if words.is("G28") {
-            if !raised && !delta {
-                return Some("it homes before Z was raised");
-            }
-            if !delta && (words.moves("Z") || !words.moves("XY")) {
-                return Some("it homes Z, onto the part: home X and Y only");
-            }
+        } else if let Some(why) = travel.unsafe_step(&words) {
+            return Some(why);
         }
     }
     match (nozzle, bed, fan) {
@@ -124,6 +123,57 @@ pub fn unsafe_cancel(text: &Macro, delta: bool) -> Option<&'static str> {
         (_, false, _) => Some("it leaves the bed's heater on: add M140 S0"),
         (_, _, false) => Some("it leaves the fan on: add M107"),
         _ => None,
+    }
+}
+
+/// Why a pause macro is not safe, or `None`: it may do what it likes but drive into the
+/// part, over which it begins.
+pub fn unsafe_pause(text: &Macro, delta: bool) -> Option<&'static str> {
+    let mut travel = Travel { delta, ..Travel::default() };
+    text.lines().map(Words).find_map(|words| {
+        let glued = words.glued().then_some(GLUED);
+        glued.or_else(|| travel.unsafe_step(&words))
+    })
+}
+
+/// How a macro moves that begins over a part.
+#[derive(Default)]
+struct Travel {
+    /// Homing goes up.
+    delta: bool,
+    relative: bool,
+    raised: bool,
+}
+
+impl Travel {
+    /// Why the next command could drive into the part.
+    fn unsafe_step(&mut self, words: &Words<'_>) -> Option<&'static str> {
+        if words.is("G90") {
+            self.relative = false;
+        } else if words.is("G91") {
+            self.relative = true;
+        } else if words.is("G0") || words.is("G1") {
+            if words.value('Z').is_some() {
+                if !self.relative {
+                    return Some("it moves Z to an absolute height: raise it relatively (G91) first");
+                }
+                if words.value('Z').is_none_or(|z| z.is_nan() || z < 0.0) {
+                    return Some("it moves Z downwards");
+                }
+                self.raised = true;
+            }
+            if words.moves("XY") && !self.raised {
+                return Some("it moves X or Y before Z was raised");
+            }
+        } else if words.is("G28") {
+            if !self.raised && !self.delta {
+                return Some("it homes before Z was raised");
+            }
+            if !self.delta && (words.moves("Z") || !words.moves("XY")) {
+                return Some("it homes Z, onto the part: home X and Y only");
+            }
+        }
+        None
     }
 }
 
@@ -151,13 +201,34 @@ mod tests {
         check(&format!("{off}M109 S0"), false, Some("waits"));
         check(&format!("{off}G1 Z10"), false, Some("absolute"));
         check(&format!("{off}G91\nG1 Z-1"), false, Some("downwards"));
-        check(&format!("{off}G91\nG1 Zx"), false, Some("downwards"));
+        check(&format!("{off}G91\nG1 Zx"), false, Some("cannot be read"));
+        check(&format!("{off}G91\nG1 X5Z-3"), false, Some("cannot be read"));
+        check(&format!("{off}G91\nG1Z-3"), false, Some("cannot be read"));
+        check(&format!("{off}G91\ng1 z-3"), false, Some("downwards"));
+        check(&format!("{off}M117 all off"), false, None);
         check(&format!("{off}G91\nG1 X5"), false, Some("before Z"));
         check(&format!("{off}G91\nG1 Z5\nG90\nG1 X0 Y200"), false, None);
         check(&format!("{off}G28"), false, Some("homes before"));
         check(&format!("{off}G91\nG1 Z5\nG28"), false, Some("homes Z"));
         check(&format!("{off}G91\nG1 Z5\nG28 X Y"), false, None);
         check(&format!("{off}G28"), true, None);
+    }
+
+    #[test]
+    fn a_pause_macro_stays_clear_of_the_part() {
+        let check = |text: &str, expect: Option<&str>| {
+            let found = unsafe_pause(&Macro(text.into()), false);
+            assert_eq!(found.is_some(), expect.is_some(), "{text:?}: {found:?}");
+            assert!(found.is_none_or(|why| why.contains(expect.unwrap_or_default())), "{text:?}: {found:?}");
+        };
+        check("", None);
+        check("G91\nG1 E-2 F1800\nG1 Z10\nG90\nG1 X0 Y200", None);
+        check("PARK_HEAD", None);
+        check("G1 X0", Some("before Z"));
+        check("G1 Z50", Some("absolute"));
+        check("G91\nG1 Z-2", Some("downwards"));
+        check("G91\nG1 Z2\nG28", Some("homes Z"));
+        check("G91\nG1 X5Z2", Some("cannot be read"));
     }
 
     #[test]

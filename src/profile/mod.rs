@@ -8,7 +8,7 @@
 //! # Layout
 //! [`keys`] documents and bounds every key · `check` walks a file along them ·
 //! [`printer`] and [`material`] are the data · [`macros`] proves a cancel
-//! macro safe · `builtin` embeds `profiles/` · [`explain`] prints a profile
+//! macro safe, [`resume`] those of the way back · `builtin` embeds `profiles/` · [`explain`] prints a profile
 //! with its documentation.
 use material::MaterialKind;
 use serde::de::DeserializeOwned;
@@ -21,6 +21,7 @@ pub mod keys;
 pub mod macros;
 pub mod material;
 pub mod printer;
+pub mod resume;
 
 pub use macros::Macro;
 pub use material::{Material, SelfSupport};
@@ -199,7 +200,12 @@ impl Source {
 
     fn value(&self, key: &str, message: String) -> ProfileError {
         let word = check::last(key);
-        let line = self.text.lines().position(|l| l.trim_start().starts_with(word)).map_or(1, |n| n + 1);
+        // The whole word: `home` is not `homes_xy_alone`.
+        let begins = |l: &str| {
+            let rest = l.trim_start().strip_prefix(word);
+            rest.is_some_and(|rest| rest.trim_start().starts_with('='))
+        };
+        let line = self.text.lines().position(begins).map_or(1, |n| n + 1);
         self.error(Located { line, fault: Fault::Value { key: key.to_owned(), message } })
     }
 
@@ -223,7 +229,39 @@ impl Source {
         if let Some(why) = macros::unsafe_cancel(&macros.cancel, delta) {
             return Err(self.value("macros.cancel", format!("is not safe: {why}")));
         }
+        if let Some(why) = macros::unsafe_pause(&macros.pause, delta) {
+            return Err(self.value("macros.pause", format!("is not safe: {why}")));
+        }
+        if let Some(way_back) = &profile.resume {
+            self.resume(way_back, &profile)?;
+        }
         Ok(profile)
+    }
+
+    /// The macros of the way back can be sent, and each does its step only.
+    fn resume(&self, way_back: &printer::Resume, profile: &Profile) -> Result<(), ProfileError> {
+        for (key, text, proof) in [
+            ("resume.z_set", &way_back.z_set, resume::unsafe_z_set as resume::Proof),
+            ("resume.home", &way_back.home, resume::unsafe_home),
+            ("resume.levelling", &way_back.levelling, resume::unsafe_levelling),
+            ("resume.prime", &way_back.prime, resume::unsafe_prime),
+        ] {
+            if let Some(why) = macros::unsendable(text, profile.serial.max_line) {
+                return Err(self.value(key, format!("cannot be sent: {why}")));
+            }
+            if let Some(why) = proof(text) {
+                return Err(self.value(key, format!("is not safe: {why}")));
+            }
+        }
+        let delta = profile.bed.shape == printer::BedShape::Circle;
+        if delta && way_back.homes_xy_alone {
+            let why = "is true of a round bed, which is a delta's: it homes all towers at once";
+            return Err(self.value("resume.homes_xy_alone", why.to_owned()));
+        }
+        if way_back.soften_c.0 > profile.limits.nozzle_c.0 {
+            return Err(self.value("resume.soften_c", "is above limits.nozzle_c".to_owned()));
+        }
+        Ok(())
     }
 
     /// What the file says that it is, if it is TOML and says so.
@@ -260,9 +298,15 @@ impl Source {
     /// Puts the text of a macro's file in the place of its name: beside the
     /// user's profile, or else one of the shared ones in the binary.
     fn resolve_macros(&self, table: &mut toml::Table) -> Result<(), ProfileError> {
-        let Some(macros) = table.get_mut("macros").and_then(|m| m.as_table_mut()) else {
-            return Ok(());
-        };
+        for room in ["macros", "resume"] {
+            if let Some(macros) = table.get_mut(room).and_then(|m| m.as_table_mut()) {
+                self.resolve_those_of(room, macros)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn resolve_those_of(&self, room: &str, macros: &mut toml::Table) -> Result<(), ProfileError> {
         for (key, value) in macros.iter_mut() {
             let Some(name) = value.get("file").and_then(|f| f.as_str()) else {
                 continue;
@@ -275,7 +319,7 @@ impl Source {
                     None => {
                         let known: Vec<_> = builtin::MACROS.iter().map(|(n, _)| *n).collect();
                         return Err(self.value(
-                            &format!("macros.{key}"),
+                            &format!("{room}.{key}"),
                             format!(
                                 "names the file {name:?}, which is neither beside the profile nor one of {}",
                                 known.join(", ")

@@ -23,6 +23,9 @@ pub struct Profile {
     pub nozzle_mm: Mm,
     /// Diameter of the filament.
     pub filament_mm: Mm,
+    /// How long a printer whose host died waits for another before it is made safe, s.
+    #[serde(default = "orphan_timeout_s")]
+    pub orphan_timeout_s: u32,
     /// The volume that can be printed.
     pub bed: Bed,
     /// How the host talks to it.
@@ -33,6 +36,16 @@ pub struct Profile {
     pub motion: Motion,
     /// Commands that the host sends around a job.
     pub macros: Macros,
+    /// The way back into a job after the board was reset or lost its power; `None`
+    /// where nobody has said that there is a safe one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resume: Option<Resume>,
+}
+
+/// Long enough for a person to start the host again, and short for a nozzle that
+/// stands hot on a part.
+fn orphan_timeout_s() -> u32 {
+    300
 }
 
 /// How a printer prints.
@@ -109,6 +122,27 @@ pub struct Serial {
     pub max_line: Option<u32>,
     /// True where raising DTR (opening the port) resets the board.
     pub dtr_reset: bool,
+    /// What stops a board that does not hear M112; see [`Serial::hard_stop`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hard_stop: Option<HardStop>,
+}
+
+impl Serial {
+    /// What stops a board that does not hear M112. A profile that does not say so gets
+    /// what `dtr_reset` makes possible.
+    pub fn hard_stop(&self) -> HardStop {
+        self.hard_stop.unwrap_or(if self.dtr_reset { HardStop::Dtr } else { HardStop::None })
+    }
+}
+
+/// What stops a board that does not hear M112.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HardStop {
+    /// Lowering and raising DTR: it resets the board.
+    Dtr,
+    /// Nothing that a host could do.
+    None,
 }
 
 /// How much may be on its way unacknowledged.
@@ -190,4 +224,71 @@ pub struct Macros {
     pub pause: Macro,
     /// When a job is given up, from whatever state it is in.
     pub cancel: Macro,
+}
+
+/// The way back into a job after the board was reset or lost its power.
+///
+/// The order of the steps is the host's; here is what this machine needs in them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Resume {
+    /// X and Y can be homed without Z. Not so on deltas, polar machines and SCARAs.
+    pub homes_xy_alone: bool,
+    /// Homing X and Y cannot touch a part that stands on the bed once Z was raised.
+    pub homing_clears_part: bool,
+    /// How far Z is raised before anything moves in X or Y.
+    #[serde(default = "raise_mm")]
+    pub raise_mm: Mm,
+    /// The nozzle that sticks to the part comes off it at this temperature, and does
+    /// not drip yet.
+    #[serde(default = "soften_c")]
+    pub soften_c: Celsius,
+    /// Moves that the firmware plans ahead: acknowledged, and lost with its power.
+    #[serde(default = "planner_moves")]
+    pub planner_moves: u32,
+    /// Commands that the firmware queues besides.
+    #[serde(default = "queue_commands")]
+    pub queue_commands: u32,
+    /// Tells the firmware the height, `{z}`, without a move.
+    #[serde(default = "z_set")]
+    pub z_set: Macro,
+    /// Homes X and Y without a move of Z.
+    #[serde(default = "home")]
+    pub home: Macro,
+    /// Turns on the bed levelling that the firmware kept.
+    #[serde(default)]
+    pub levelling: Macro,
+    /// Presses filament out where there is no part, at the raised height.
+    #[serde(default)]
+    pub prime: Macro,
+}
+
+/// Clear of a part whose edge has curled up, and of a Z that sagged.
+fn raise_mm() -> Mm {
+    Mm(10.0)
+}
+
+/// Above the glass transition of what is printed below 300 °C, below where it flows.
+fn soften_c() -> Celsius {
+    Celsius(150.0)
+}
+
+/// Marlin's BLOCK_BUFFER_SIZE.
+fn planner_moves() -> u32 {
+    16
+}
+
+/// Marlin's BUFSIZE.
+fn queue_commands() -> u32 {
+    4
+}
+
+/// Every firmware knows it.
+fn z_set() -> Macro {
+    Macro("G92 Z{z}".to_owned())
+}
+
+/// R0: without the raise that Marlin makes before homing.
+fn home() -> Macro {
+    Macro("G28 R0 X Y".to_owned())
 }

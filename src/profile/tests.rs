@@ -85,6 +85,8 @@ fn keys_and_structs_agree() {
         full.serial.window = window;
         leaves(&toml::Value::try_from(&full).unwrap(), "", &mut printer);
     }
+    full.serial.hard_stop = Some(printer::HardStop::Dtr);
+    full.resume = load_printer("ender-3").unwrap().resume;
     for cornering in [
         printer::Cornering::JunctionMm(crate::units::Mm(0.013)),
         printer::Cornering::SquareCornerMmS(crate::units::MmPerS(5.0)),
@@ -140,6 +142,39 @@ fn a_users_file_is_told_what_where_and_the_way_out() {
     check("{ file = \"marlin-start.gcode\" }", "\"M117 a\\\\\\\\b\"", "macros.start cannot be sent");
     check("{ bytes = 120 }", "{ bytes = 120, lines = 1 }", "exactly one of bytes, lines");
     check("[bed]", "[bed", "line 15");
+    check("G1 Z10 F600\n", "", "macros.pause is not safe: it moves X or Y before Z");
+    let way_back =
+        |rest: &str| format!("[resume]\nhomes_xy_alone = true\nhoming_clears_part = true\n{rest}\n[macros]");
+    check("[macros]", &way_back(""), "");
+    check("[macros]", &way_back("home = 'G28'"), "line 43: resume.home is not safe: it homes Z");
+    check("[macros]", &way_back("z_set = 'G92 Z0'"), "resume.z_set is not safe");
+    check("[macros]", &way_back("levelling = 'G29'"), "resume.levelling is not safe");
+    check("[macros]", &way_back("prime = 'G1 Z0'"), "resume.prime is not safe");
+    check("[macros]", &way_back("prime = { file = 'none' }"), "resume.prime names the file");
+    check("[macros]", &way_back("soften_c = 300\n"), "");
+    check("[macros]", "[resume]\nhomes_xy_alone = true\n[macros]", "resume.homing_clears_part is missing");
+    check("[macros]", &way_back("raise = 3"), "did you mean resume.raise_mm?");
+    check("nozzle_mm", "orphan_timeout_s = 0\nnozzle_mm", "orphan_timeout_s is 0, outside 1 to 86400");
+}
+
+#[test]
+fn a_profile_that_does_not_say_gets_what_is_safe() {
+    let profile = load_printer("prusa-mk3s").unwrap();
+    assert_eq!(profile.orphan_timeout_s, 300);
+    assert_eq!(profile.serial.hard_stop(), printer::HardStop::Dtr);
+    let native = load_printer("prusa-mini").unwrap();
+    assert_eq!(native.serial.hard_stop(), printer::HardStop::None);
+    assert_eq!(load_printer("generic-marlin").unwrap().resume, None);
+}
+
+/// A round bed is a delta, and a delta never resumes after a power cut.
+#[test]
+fn a_delta_does_not_home_xy_alone() {
+    let text = builtin::PRINTERS.iter().find(|(name, _)| *name == "anycubic-kossel-plus").unwrap().1;
+    let mut file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
+    file.write_all(text.replace("homes_xy_alone = false", "homes_xy_alone = true").as_bytes()).unwrap();
+    let said = load_printer(file.path().to_str().unwrap()).unwrap_err().to_string();
+    assert!(said.contains("homes_xy_alone is true of a round bed"), "{said}");
 }
 
 #[test]

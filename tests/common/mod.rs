@@ -4,6 +4,8 @@
 //! code: it would not notice a mistake that it shares.
 #![allow(dead_code)] // each test binary uses its own part
 
+pub(crate) mod printer;
+
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -100,10 +100,13 @@ impl Facts {
 
 /// Marks that were read, and those that were reached.
 #[derive(Debug, Default)]
-pub(super) struct Marks {
+pub(in crate::cli) struct Marks {
     ahead: VecDeque<(u64, Mark)>,
     kind: Option<LayerMark>,
     total_s: Option<f64>,
+    /// The kind of marks that counts while reading, and the layers begun so far.
+    read_kind: Option<LayerMark>,
+    pub(super) read: u32,
     /// The layer that is printed, from 1; 0 before the first.
     pub(super) layer: u64,
     /// How much is left at the last mark by the slicer's estimate, in s.
@@ -113,11 +116,19 @@ pub(super) struct Marks {
 impl Marks {
     /// Line `number` of the file was read.
     pub(super) fn see(&mut self, number: u64, line: &[u8]) {
-        if let Some(mark) = mark(line)
-            && self.ahead.len() < MAX_AHEAD
+        let Some(mark) = mark(line) else { return };
+        if let Mark::Layer(kind) = mark
+            && *self.read_kind.get_or_insert(kind) == kind
         {
-            self.ahead.push_back((number, mark));
+            self.read = self.read.saturating_add(1);
         }
+        if self.ahead.len() >= MAX_AHEAD
+            && let Some((_, oldest)) = self.ahead.pop_front()
+        {
+            // Many without a command between, or a file that is read up to where it broke off.
+            self.apply(oldest);
+        }
+        self.ahead.push_back((number, mark));
     }
 
     /// The printer has all lines up to `number`.
@@ -126,13 +137,17 @@ impl Marks {
             && at <= number
         {
             self.ahead.pop_front();
-            match mark {
-                Mark::Layer(kind) if *self.kind.get_or_insert(kind) == kind => self.layer += 1,
-                Mark::Layer(_) => {}
-                Mark::Left(s) => self.left_s = Some(s),
-                Mark::Total(s) => self.total_s = Some(s),
-                Mark::Elapsed(s) => self.left_s = self.total_s.map(|total| total - s),
-            }
+            self.apply(mark);
+        }
+    }
+
+    fn apply(&mut self, mark: Mark) {
+        match mark {
+            Mark::Layer(kind) if *self.kind.get_or_insert(kind) == kind => self.layer += 1,
+            Mark::Layer(_) => {}
+            Mark::Left(s) => self.left_s = Some(s),
+            Mark::Total(s) => self.total_s = Some(s),
+            Mark::Elapsed(s) => self.left_s = self.total_s.map(|total| total - s),
         }
     }
 }
@@ -171,8 +186,19 @@ mod tests {
         }
         assert_eq!((facts.layers, facts.total_s), (2, Some(100.0)));
         marks.reach(3);
-        assert_eq!((marks.layer, marks.left_s), (1, None));
+        assert_eq!((marks.layer, marks.left_s, marks.read), (1, None, 2));
         marks.reach(7);
         assert_eq!((marks.layer, marks.left_s), (2, Some(60.0)));
+    }
+
+    #[test]
+    fn no_layer_is_lost_to_a_file_read_far_ahead() {
+        let mut marks = Marks::default();
+        for number in 0..5000 {
+            marks.see(number, b";LAYER_CHANGE");
+        }
+        assert!(marks.ahead.len() <= MAX_AHEAD);
+        marks.reach(4999);
+        assert_eq!((marks.layer, marks.read), (5000, 5000));
     }
 }

@@ -3,9 +3,12 @@
 //! Takes the session's events and the lines that are acknowledged. All goes to
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
+use super::cases;
 use super::escape::printable;
 use super::marks::{Facts, Marks};
-use crate::printer::drive::Watcher;
+use crate::job::host::HostEvent;
+use crate::job::run::Watcher;
+use crate::job::state::State;
 use crate::printer::job_file::Checked;
 use crate::printer::reply::Busy;
 use crate::printer::session::{Ending, Event};
@@ -93,6 +96,11 @@ impl Show {
         show
     }
 
+    /// What the user may do, told where a person reads along.
+    pub(super) fn hint(&self, words: &str) {
+        self.say(words);
+    }
+
     /// The bar goes; what was said stays.
     pub(super) fn finish(&self) {
         if let Some(bar) = &self.bar {
@@ -127,8 +135,10 @@ impl Show {
     fn status(&self) -> String {
         let marks = self.marks.borrow();
         let mut parts = Vec::with_capacity(4);
-        if self.facts.layers > 0 {
-            parts.push(format!("layer {}/{}", marks.layer, self.facts.layers));
+        match (self.facts.layers, marks.layer) {
+            (0, 0) => {}
+            (0, layer) => parts.push(format!("layer {layer}")),
+            (layers, layer) => parts.push(format!("layer {layer}/{layers}")),
         }
         if let Some(t) = &self.temperatures {
             parts.extend(reading("nozzle", t.hotend()));
@@ -199,8 +209,58 @@ impl Show {
     }
 }
 
+/// A state in words, where it is news to the user. How a job ends is the verdict's matter.
+fn news(state: State) -> Option<&'static str> {
+    Some(match state {
+        State::Pausing => "pausing: waiting for what the printer has, then it is parked",
+        State::Paused => "paused: parked, heaters as they were; waiting for you",
+        State::Resuming => "resuming: going back to where it was",
+        State::Asking => "the printer waits for you: resume when it is done",
+        State::Lost => "the connection is lost: waiting for the printer's port to come back",
+        State::TakingOver => "connected again: asking the printer where it is",
+        State::Recovering => "going back to where the print broke off",
+        State::Ending => "the last line is sent: waiting for the last moves",
+        State::Interrupted => "broken off; the part is on the bed",
+        State::Printing
+        | State::Accepted
+        | State::Starting
+        | State::Cancelling
+        | State::Failing
+        | State::Finished
+        | State::Cancelled
+        | State::Failed => return None,
+    })
+}
+
 impl Watcher for Show {
-    fn event(&mut self, event: &Event) {
+    fn event(&mut self, event: &HostEvent) {
+        match event {
+            HostEvent::State(state) => {
+                if let Some(words) = news(*state) {
+                    self.say(words);
+                }
+            }
+            HostEvent::Session(event) => self.session(event),
+            HostEvent::Refused(why) => self.say(&format!("not done: {why}")),
+            HostEvent::Told(words) => self.say(&printable(words)),
+            HostEvent::Case(case) => self.say(&cases::words(case)),
+            HostEvent::Planned => {}
+        }
+    }
+
+    fn acknowledged(&mut self, job_line: u64) {
+        if job_line == self.line {
+            return;
+        }
+        self.line = job_line;
+        self.first_line.get_or_insert_with(Instant::now);
+        self.marks.borrow_mut().reach(job_line);
+        self.refresh(self.interval());
+    }
+}
+
+impl Show {
+    fn session(&mut self, event: &Event) {
         match event {
             Event::Connected { firmware, .. } => {
                 self.connected = true;
@@ -264,16 +324,6 @@ impl Watcher for Show {
             | Event::EmergencyStopped { .. }
             | Event::Ended(_) => {}
         }
-        self.refresh(self.interval());
-    }
-
-    fn acknowledged(&mut self, job_line: u64) {
-        if job_line == self.line {
-            return;
-        }
-        self.line = job_line;
-        self.first_line.get_or_insert_with(Instant::now);
-        self.marks.borrow_mut().reach(job_line);
         self.refresh(self.interval());
     }
 }

@@ -1,0 +1,89 @@
+//! The folder of the jobs' records, as a print needs it: no job is printed over the part
+//! of another.
+use super::job::now_unix_s;
+use crate::job::disk::{Entry, JobId, Store, StoreError, folder};
+use crate::job::record::{Log, Numbers, Record};
+use crate::job::state::State;
+use anyhow::{Context, bail};
+use std::path::Path;
+
+/// The folder of the jobs' records.
+pub(in crate::cli) struct Folder {
+    /// The jobs.
+    pub(in crate::cli) store: Store,
+}
+
+/// A profile's name that finds it from anywhere: files by their absolute path.
+pub(super) fn lasting_name(profile: &str) -> anyhow::Result<String> {
+    if !(profile.ends_with(".toml") || profile.contains('/')) {
+        return Ok(profile.to_owned());
+    }
+    let path = std::fs::canonicalize(profile).with_context(|| profile.to_owned())?;
+    Ok(path.to_string_lossy().into_owned())
+}
+
+impl Folder {
+    /// The folder that is named, or that the environment names.
+    ///
+    /// # Errors
+    /// There is none, or it cannot be made.
+    pub(in crate::cli) fn open(named: Option<&Path>) -> Result<Self, StoreError> {
+        let path = folder(named, |name| std::env::var_os(name))?;
+        Ok(Self { store: Store::open(&path)? })
+    }
+
+    /// Sees to it that no broken-off job stands on this port's bed; `removed` says that a person has
+    /// cleared it.
+    ///
+    /// # Errors
+    /// One stands there: what to do about it.
+    pub(super) fn clear_bed(&self, port: &str, removed: bool) -> anyhow::Result<()> {
+        // A folder that cannot be read is told when the job is accepted.
+        let Ok(entries) = self.store.list() else { return Ok(()) };
+        for entry in entries {
+            let Some(standing) = standing(&entry, port) else { continue };
+            let id = entry.id;
+            if entry.live {
+                bail!("{port} is taken: `outrigger jobs show {id}` tells what is printed there");
+            }
+            if standing && !removed {
+                bail!(
+                    "job {id} was broken off on {port}, and its part may be on the bed: \
+                     `outrigger jobs resume {id}` goes on with it; `outrigger jobs forget {id}` (or \
+                     --part-removed here) once the part is removed"
+                );
+            }
+            self.give_up(id)?;
+        }
+        Ok(())
+    }
+
+    /// Nobody shall resume it or make it safe while another job is printed there.
+    fn give_up(&self, id: JobId) -> anyhow::Result<()> {
+        let mut held = self.store.hold_job(id)?;
+        let words = format!("given up: another job was started on the same printer at {}", now_unix_s());
+        held.journal.append(&Record::Note(words));
+        held.journal.append(&Record::State(State::Cancelled));
+        held.journal.sync().with_context(|| format!("job {id} cannot be given up"))
+    }
+}
+
+/// Whether a job that is not over was last printed on this port, and if so, whether some of it may
+/// stand on the bed.
+fn standing(entry: &Entry, port: &str) -> Option<bool> {
+    let log = &entry.picture.as_ref().ok()?.log;
+    let (there, _, _) = log.opened.as_ref()?;
+    let open = !log.state.is_over() && log.state != State::Accepted && same_port(there, port);
+    open.then(|| begun(log))
+}
+
+/// Whether a line of the file may have been sent.
+fn begun(log: &Log) -> bool {
+    log.numbers != Numbers::Nothing { after: 0 } || log.checkpoint.commands > 0
+}
+
+/// Two names of one device: by the same link, or by links to the same device.
+fn same_port(one: &str, other: &str) -> bool {
+    let device = |name: &str| std::fs::canonicalize(name).ok();
+    one == other || device(one).is_some_and(|there| Some(there) == device(other))
+}

@@ -1,0 +1,85 @@
+//! What a host needs of a printer's profile, as plain values.
+use crate::job::host::HostSettings;
+use crate::job::recover::ResumeRules;
+use crate::job::tracker::EModes;
+use crate::printer::session::{DEFAULT_BOOT_WAIT_MS, Settings};
+use crate::printer::window::Limit;
+use crate::profile::printer::{Firmware, Window};
+use crate::profile::{Macro, Profile};
+use outrigger_gcode::checksum::sendable;
+
+/// A board that opening the port does not reset may have been switched on just now; one that
+/// has already said `start`, or says nothing, is asked after so long. Who boots does
+/// not hear the first question, and is asked again.
+const NO_RESET_WAIT_MS: u64 = 50;
+
+/// Longest framed line that the profile's firmware takes.
+pub(super) fn max_line(profile: &Profile) -> Option<usize> {
+    profile.serial.max_line.map(size)
+}
+
+fn size(n: u32) -> usize {
+    usize::try_from(n).unwrap_or(usize::MAX)
+}
+
+/// What a host needs of a profile; `around`: whether its start and end macros go
+/// around the file.
+pub(in crate::cli) fn of(profile: &Profile, around: bool) -> HostSettings {
+    let serial = &profile.serial;
+    let when = |text: &Macro| if around { lines(text) } else { Vec::new() };
+    HostSettings {
+        session: Settings {
+            window: match serial.window {
+                Window::Bytes(bytes) => Limit::Bytes(size(bytes)),
+                Window::Lines(lines) => Limit::Lines(size(lines)),
+            },
+            max_line: max_line(profile),
+            boot_wait_ms: match serial.dtr_reset {
+                true => DEFAULT_BOOT_WAIT_MS,
+                false => NO_RESET_WAIT_MS,
+            },
+            asks: true,
+            waits_for_link: true,
+            cancel_macro: lines(&profile.macros.cancel),
+        },
+        start_macro: when(&profile.macros.start),
+        end_macro: when(&profile.macros.end),
+        pause_macro: lines(&profile.macros.pause),
+        resume: resume(profile),
+        e_modes: match profile.firmware {
+            Firmware::Marlin => EModes::WithAxes,
+            Firmware::Prusa | Firmware::Klipper | Firmware::Repetier | Firmware::RepRapFirmware => {
+                EModes::Alone
+            }
+        },
+        pause_cooling: None,
+        waits_for_person: false,
+    }
+}
+
+/// A profile that says nothing of resuming refuses it, by the rules' default.
+fn resume(profile: &Profile) -> ResumeRules {
+    let Some(said) = &profile.resume else { return ResumeRules::default() };
+    ResumeRules {
+        homes_xy_alone: said.homes_xy_alone,
+        homing_clears_part: said.homing_clears_part,
+        raise_mm: said.raise_mm.0,
+        // A temperature has some digits only.
+        soften_c: said.soften_c.0 as f32,
+        planner_moves: said.planner_moves,
+        queue_commands: said.queue_commands,
+        z_set: lines(&said.z_set),
+        home: lines(&said.home),
+        levelling: lines(&said.levelling),
+        prime: lines(&said.prime),
+    }
+}
+
+/// The commands of a macro, as they are sent.
+fn lines(text: &Macro) -> Vec<String> {
+    let mut scratch = Vec::new();
+    let line = |l: &str| {
+        sendable(l.as_bytes(), &mut scratch).map(|command| String::from_utf8_lossy(command).into_owned())
+    };
+    text.lines().filter_map(line).collect()
+}
