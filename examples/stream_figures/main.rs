@@ -9,19 +9,22 @@
 //!   limit, and its most memory,
 //! - from the start of the process to the job's first line at the printer,
 //! - memory and start of a job of 3 MB (whole) and one of 200 MB (its first seconds),
-//! - the share of time in which the planner was empty, at several speeds; with
+//! - the share of time in which the planner was empty, at several speeds, and the share
+//!   that was lost: a planner short of moves slows down long before it is empty. With
 //!   `--load N` once more beside N busy loops.
 //!
 //! Each run is checked: the printer got every line of the job once. Targets that are
 //! missed are marked; the exit status is 1 only when a process fails, since times are
 //! the machine's as well. Linux only: what a process takes comes from /proc.
 mod host;
+mod ideal;
 mod job;
 mod process;
 mod stream;
 
 use clap::{Parser, ValueEnum};
 use host::{Host, Programs};
+use ideal::ideal_s;
 use job::{Job, Length};
 use std::fmt::Display;
 use std::io::Write;
@@ -179,30 +182,34 @@ impl Figures {
 
     fn planner_beside(&self, load: u32) -> anyhow::Result<()> {
         tell(format_args!(
-            "\nplanner empty; replies {LATENCY_MS} ms on their way; {load} busy loops beside it"
+            "\nreplies {LATENCY_MS} ms on their way, {load} busy loops: planner empty   time lost"
         ));
         let _busy = Busy::start(load);
         for (baud, moves_s) in FEEDS {
-            let moves = u64::from(moves_s * self.args.seconds);
-            let job = Job::write(self.folder.path(), Length::Moves(moves), f64::from(moves_s))?;
-            let printer = Printer { baud, speed: 1, latency_ms: LATENCY_MS };
-            let run = |host| -> anyhow::Result<f64> {
-                let run = stream(&self.programs, host, &job, printer, None)?;
-                tell(format_args!(
-                    "  {:<12} {:>7} baud, {moves_s:>4} moves/s (reached {:>4.0}): {:>6.2} %",
-                    host.name(),
-                    baud,
-                    run.moves_s,
-                    run.empty_percent,
-                ));
-                Ok(run.empty_percent)
-            };
-            let ours = run(Host::Ours)?;
-            let c = run(Host::C)?;
-            verdict("planner empty %", ours, c + EMPTY_POINTS);
-            for host in self.peers() {
-                run(host)?;
-            }
+            self.planner_at(baud, moves_s)?;
+        }
+        Ok(())
+    }
+
+    fn planner_at(&self, baud: u32, moves_s: u32) -> anyhow::Result<()> {
+        let moves = u64::from(moves_s * self.args.seconds);
+        let job = Job::write(self.folder.path(), Length::Moves(moves), f64::from(moves_s))?;
+        let (printer, ideal_s) = (Printer { baud, speed: 1, latency_ms: LATENCY_MS }, ideal_s(&job.path)?);
+        let run = |host| -> anyhow::Result<[f64; 2]> {
+            let run = stream(&self.programs, host, &job, printer, None)?;
+            let lost = 100.0 * (1.0 - ideal_s / run.printing_s);
+            let (name, empty) = (host.name(), run.empty_percent);
+            tell(format_args!(
+                "  {name:<12} {baud:>7} baud {moves_s:>6} moves/s {empty:>13.2} % {lost:>9.2} %"
+            ));
+            Ok([empty, lost])
+        };
+        let [empty, lost] = run(Host::Ours)?;
+        let c = run(Host::C)?;
+        verdict("planner empty %", empty, c[0] + EMPTY_POINTS);
+        verdict("time lost %", lost, c[1] + EMPTY_POINTS);
+        for host in self.peers() {
+            run(host)?;
         }
         Ok(())
     }

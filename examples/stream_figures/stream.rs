@@ -31,8 +31,8 @@ pub(crate) struct Run {
     pub(crate) lines: u64,
     /// Share of the time in which the planner was empty, %.
     pub(crate) empty_percent: f64,
-    /// Moves a second of moving: what the planner really asked for.
-    pub(crate) moves_s: f64,
+    /// From the first move to the end of the last, s.
+    pub(crate) printing_s: f64,
 }
 
 /// Prints `job`, or the part of it that goes within `stop_after`.
@@ -55,7 +55,6 @@ pub(crate) fn stream(
     let stats = end_mock(mock, folder.path())?;
     let (started, cost) = ran?;
     let number = |name: &str| stats[name].as_f64().with_context(|| format!("the mock tells no {name}"));
-    let (moves, moving_s) = (number("moves")?, number("moving_s")?);
     let first_s = number("first_job_line_s")?;
     ensure!(first_s > 0.0, "{}: no line of the job came", host.name());
     for wrong in ["lines_lost", "lines_repeated", "overflow_bytes"] {
@@ -72,7 +71,7 @@ pub(crate) fn stream(
             .as_secs_f64(),
         lines,
         empty_percent: 100.0 * number("planner_empty_share")?,
-        moves_s: moves / moving_s,
+        printing_s: number("moving_s")? + number("planner_empty_s")?,
     })
 }
 
