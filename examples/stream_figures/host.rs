@@ -75,7 +75,8 @@ impl Programs {
                 let mut command = Command::new(&self.outrigger);
                 command.arg("print").arg(job).arg("--port").arg(tty);
                 command.args(["--profile", PROFILE, "--no-macros", "--baud", &baud]);
-                command.env("XDG_STATE_HOME", folder.join("state"));
+                // Whoever runs this has jobs of their own on record.
+                command.env("OUTRIGGER_STATE", folder.join("state"));
                 command
             }
             Host::C => {
