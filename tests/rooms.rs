@@ -43,7 +43,14 @@ const ONLY: &[(&str, &[&str])] = &[
     ("clap", &["src/cli/"]),
     (
         "std::fs",
-        &["src/cli/", "src/job/disk.rs", "src/printer/", "src/profile", "src/layers/from_gcode/tests.rs"],
+        &[
+            "src/cli/",
+            "src/job/disk",
+            "src/job/digest/tests.rs",
+            "src/printer/",
+            "src/profile",
+            "src/layers/from_gcode/tests.rs",
+        ],
     ),
     ("std::time::Instant", &["src/cli/", "src/printer/port.rs", "src/printer/mock/"]),
 ];

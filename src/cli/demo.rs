@@ -7,8 +7,9 @@ mod tell;
 
 use super::{check, files, mock as mock_verb, picture, post, print, say};
 use crate::job::host::Begin;
+use crate::printer::find::{Places, Rate, Wanted, connect};
 use crate::printer::mock::{self, Faults, Stats};
-use crate::printer::port::Port;
+use crate::printer::port::OpenMode;
 use crate::profile::{Profile, load_printer};
 use anyhow::{Context, bail};
 use std::io::ErrorKind;
@@ -245,7 +246,8 @@ fn stream(
     let records = tempfile::tempdir().context("cannot make a temporary folder")?;
     let folder = print::Folder::open(Some(records.path()))?;
     let job = print::Job::open(&paths.reordered, profile, PROFILE, Some(&folder.store))?;
-    let device = printer.path().display().to_string();
+    let wanted = Wanted::Path(printer.path().display().to_string());
+    let fresh = OpenMode::Fresh { reset: false };
     let baud = profile.serial.baud;
     let held = Some(folder.store.accept(&job.accepted)?);
     let printed = runtime.block_on(async {
@@ -253,15 +255,14 @@ fn stream(
             job,
             name: files::file_name(&paths.reordered),
             profile,
-            port: Port::open(&device, baud)?,
+            connection: connect(&wanted, Rate::Given(baud), fresh, 0, &Places::default()).await?,
             started: tokio::time::Instant::now(),
-            device,
-            baud,
+            device: wanted.to_string(),
             held,
             begin: Begin::Fresh,
             // The job brings its own start and end, and nothing else is to be compared.
             macros: false,
-            waits_for_person: false,
+            person: print::Person::Away,
             verbose: false,
             speed,
         };

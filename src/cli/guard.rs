@@ -9,6 +9,8 @@ mod watch;
 
 use super::print::Folder;
 use crate::job::disk::{Entry, JobId, Store, StoreError};
+use crate::job::record::Log;
+use crate::job::state::State;
 use crate::profile::load_printer;
 use anyhow::Context;
 use safe::Done;
@@ -225,8 +227,13 @@ impl Guard<'_> {
 fn look(entry: &Entry) -> Look {
     match &entry.picture {
         _ if entry.live => Look::Alive,
-        Ok(picture) if picture.log.state.is_active() => Look::Orphan,
+        Ok(picture) if orphaned(&picture.log) => Look::Orphan,
         // Where its printer is nobody knows; `jobs list` tells of it.
         Ok(_) | Err(_) => Look::Safe,
     }
+}
+
+/// Whether a printer may be hot for this job, whose host is dead.
+fn orphaned(log: &Log) -> bool {
+    log.state.is_active() || (log.state == State::Accepted && log.starts > 0)
 }

@@ -5,15 +5,19 @@
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
 mod check;
 mod demo;
+mod escape;
 mod files;
 mod guard;
 mod interrupt;
+mod jobs;
 mod mock;
 mod picture;
+mod ports;
 mod post;
 mod print;
 mod profile;
 mod progress;
+mod serial;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -35,9 +39,17 @@ enum Verb {
     Check(check::Args),
     Post(post::Args),
     Print(print::Args),
+    Jobs(jobs::Args),
+    Ports(ports::Args),
     Mock(mock::Args),
     Guard(guard::Args),
     Profile(profile::Args),
+}
+
+/// What a host needs of a printer's profile; `macros`: whether its start and end macros go
+/// around the file. For the rig, which prints without the command line.
+pub fn host_settings(profile: &crate::profile::Profile, macros: bool) -> crate::job::host::HostSettings {
+    print::settings::of(profile, macros)
 }
 
 /// Runs the verb that the command line names.
@@ -48,6 +60,8 @@ pub fn main() -> ExitCode {
         Verb::Check(args) => check::run(&args),
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
+        Verb::Jobs(args) => jobs::run(args),
+        Verb::Ports(args) => ports::run(&args),
         Verb::Mock(args) => mock::run(args),
         Verb::Guard(args) => guard::run(&args),
         Verb::Profile(args) => profile::run(args),

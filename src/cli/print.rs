@@ -3,32 +3,32 @@
 //! The whole file is checked before the first line goes out. Ctrl-C (or SIGTERM,
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
-mod cases;
-mod escape;
+pub(super) mod cases;
 mod folder;
 mod job;
 mod keys;
 mod letters;
 mod marks;
-mod place;
+mod news;
 pub(super) mod settings;
 mod show;
 mod verdict;
 mod words;
 
-pub(super) use folder::Folder;
+pub(super) use folder::{Folder, lasting_port};
 pub(super) use job::{Job, now_unix_s};
 pub(super) use letters::{Letters, letters};
-pub(super) use place::Place;
 
 use super::guard;
+use super::serial::{Baud, rate};
 use crate::job::disk::HeldJob;
 use crate::job::host::{Begin, Host};
 use crate::job::record::Record;
 use crate::job::run::{Wires, run as run_host};
 use crate::job::scribe::Scribe;
+use crate::printer::find::{Connection, Places, Wanted, connect};
 use crate::printer::mock;
-use crate::printer::port::{OpenMode, Port};
+use crate::printer::port::OpenMode;
 use crate::profile::printer::HardStop;
 use crate::profile::{Profile, load_printer};
 use anyhow::Context;
@@ -55,13 +55,14 @@ const DEFAULT_PROFILE: &str = "generic-marlin";
 pub(super) struct Args {
     /// The G-code file, text or binary (.bgcode).
     file: PathBuf,
-    /// The printer's serial port, such as /dev/ttyUSB0; `mock` prints to a mock
-    /// printer that is started for it.
-    #[arg(long, value_name = "DEV|mock")]
+    /// The printer's serial port: a path such as /dev/ttyUSB0, `usb:` and its serial
+    /// number (see `outrigger ports`), `auto` for the only one that answers, or `mock`
+    /// for a mock printer that is started for it.
+    #[arg(long, value_name = "DEV|usb:N|auto|mock")]
     port: String,
-    /// Bits per second; the profile's if not given.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    baud: Option<u32>,
+    /// Bits per second; the profile's if not given. `auto` tries the usual ones.
+    #[arg(long, value_name = "N|auto")]
+    baud: Option<Baud>,
     /// The printer's profile: a name from `outrigger profile list`, or a file.
     #[arg(long, value_name = "NAME", default_value = DEFAULT_PROFILE)]
     profile: String,
@@ -104,20 +105,27 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
             None
         }
     };
-    if let Some(folder) = folder.as_ref().filter(|_| !is_mock) {
-        folder.clear_bed(&args.port, args.part_removed)?;
-    }
+    let wanted: Wanted = args.port.parse()?;
     let name = folder::lasting_name(&args.profile)?;
     let job = Job::open(&args.file, &profile, &name, folder.as_ref().map(|f| &f.store))?;
-    let baud = args.baud.unwrap_or(profile.serial.baud);
+    let rate = rate(args.baud, profile.serial.baud);
     runtime()?.block_on(async {
         let letters = letters()?;
-        let mock = if is_mock { Some(start_mock(&profile, baud, args.mock_speed)?) } else { None };
-        let device = mock.as_ref().map_or_else(|| args.port.clone(), |m| m.path().display().to_string());
-        // Before the job is accepted: one that has no printer is none.
+        let mock = if is_mock { Some(start_mock(&profile, rate.first(), args.mock_speed)?) } else { None };
+        let wanted = mock.as_ref().map_or(wanted, |m| Wanted::Path(m.path().display().to_string()));
+        // Before the job is accepted: one that has no printer is none. And before the printer's port
+        // is opened, which may reset it, as far as it is known already.
+        let clear = |port: &str| match folder.as_ref().filter(|_| !is_mock) {
+            Some(folder) => folder.clear_bed(port, args.part_removed),
+            None => Ok(()),
+        };
+        clear(&wanted.to_string())?;
         let mode = OpenMode::Fresh { reset: profile.serial.dtr_reset };
-        let port = Port::open_as(&device, baud, mode).await?;
+        let boot_ms = settings::boot_wait_ms(&profile);
+        let connection = connect(&wanted, rate, mode, boot_ms, &Places::default()).await?;
         let started = Instant::now();
+        let device = lasting_port(&wanted, connection.port.path());
+        clear(&device)?;
         let held = folder
             .as_ref()
             .and_then(|folder| folder.store.accept(&job.accepted).inspect_err(|why| not_recorded(why)).ok());
@@ -131,14 +139,13 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
             job,
             name: args.file.display().to_string(),
             profile: &profile,
-            port,
+            connection,
             started,
             device,
-            baud,
             held,
             begin: Begin::Fresh,
             macros: !args.no_macros,
-            waits_for_person: false,
+            person: Person::Away,
             verbose: args.verbose,
             speed: mock.as_ref().map_or(1.0, |_| args.mock_speed),
         };
@@ -156,8 +163,19 @@ fn not_recorded(why: &dyn std::fmt::Display) {
     );
 }
 
+/// Who says that part and nozzle are clear before the way back into a job runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Person {
+    /// Nobody: the job ends there, to be resumed later.
+    Away,
+    /// Somebody who is asked.
+    Asked,
+    /// Somebody who has said so.
+    Sure,
+}
+
 /// How the user may speak while a job runs.
-enum Listening {
+pub(super) enum Listening {
     /// The terminal's keys.
     Keys { _restore: Keys },
     /// Lines on standard input.
@@ -167,7 +185,11 @@ enum Listening {
 }
 
 impl Listening {
-    fn start(commands: bool, letters: &Letters) -> anyhow::Result<Self> {
+    /// Begins to listen: to words on standard input, or to keys where it is a terminal.
+    ///
+    /// # Errors
+    /// The system has no thread left.
+    pub(super) fn start(commands: bool, letters: &Letters) -> anyhow::Result<Self> {
         let post = letters.post.clone();
         if commands {
             words::listen(post).context("cannot read commands")?;
@@ -176,7 +198,16 @@ impl Listening {
         Ok(Keys::listen(post).map_or(Listening::No, |keys| Listening::Keys { _restore: keys }))
     }
 
-    fn hint(&self) -> Option<&'static str> {
+    /// Who can be asked.
+    pub(super) fn person(&self) -> Person {
+        match self {
+            Listening::Keys { .. } | Listening::Words => Person::Asked,
+            Listening::No => Person::Away,
+        }
+    }
+
+    /// What a person may do, to be told at the start.
+    pub(super) fn hint(&self) -> Option<&'static str> {
         match self {
             Listening::Keys { .. } => Some(keys::HELP),
             Listening::Words | Listening::No => None,
@@ -200,22 +231,20 @@ pub(super) struct Printing<'a> {
     pub(super) name: String,
     /// The printer's profile.
     pub(super) profile: &'a Profile,
-    /// The printer's port…
-    pub(super) port: Port,
-    /// …and when it was opened.
+    /// The printer…
+    pub(super) connection: Connection,
+    /// …and when its port was opened.
     pub(super) started: Instant,
-    /// What finds it again.
+    /// What names it in the job's records.
     pub(super) device: String,
-    /// Bits per second.
-    pub(super) baud: u32,
     /// The job's records; `None`: it is not written down.
     pub(super) held: Option<HeldJob>,
     /// How it begins.
     pub(super) begin: Begin,
     /// Whether the profile's start and end macros go around the file.
     pub(super) macros: bool,
-    /// Whether a printer that lost its state waits for a person's word.
-    pub(super) waits_for_person: bool,
+    /// Who says that part and nozzle are clear, if the printer has lost its state.
+    pub(super) person: Person,
     /// Whether every note, resend and probe is shown.
     pub(super) verbose: bool,
     /// How many times faster than life the printer is: 1 but for a mock.
@@ -231,29 +260,35 @@ pub(super) async fn print(
     letters: Letters,
     hint: Option<&str>,
 ) -> anyhow::Result<()> {
-    let Printing { job, profile, started, .. } = printing;
+    let Printing { job, profile, started, connection, .. } = printing;
     let marks = Rc::new(RefCell::new(Marks::default()));
     let lines = job.lines(Rc::clone(&marks)).with_context(|| printing.name.clone())?;
     let mut show = Show::new(printing.verbose, job.checked, job.facts, marks, printing.speed);
+    show.answer_plans(printing.person, letters.post.clone());
     if let Some(hint) = hint {
         show.hint(hint);
     }
     let id = printing.held.as_ref().map(|held| held.id);
-    let opened =
-        Record::Opened { port: printing.device.clone(), baud: printing.baud, at_unix_s: now_unix_s() };
+    let opened = Record::Opened {
+        port: printing.device.clone(),
+        baud: connection.port.baud(),
+        at_unix_s: now_unix_s(),
+    };
     let start = |mut held: HeldJob| {
         held.journal.append(&opened);
         Scribe::start(held, letters.post.clone()).context("cannot start the journal's thread")
     };
     let scribe = printing.held.map(start).transpose()?;
-    let place = Place { device: printing.device, baud: printing.baud };
     let mut settings = settings::of(profile, printing.macros);
-    settings.waits_for_person = printing.waits_for_person;
+    settings.waits_for_person = printing.person != Person::Away;
+    if connection.awake {
+        settings.session.boot_wait_ms = 0;
+    }
     let mut host = Host::new(settings, lines, &printing.begin, 0);
     let wires = Wires {
-        port: printing.port,
+        port: connection.port,
         hard_stop: profile.serial.hard_stop() == HardStop::Dtr,
-        reopen: &place,
+        identity: connection.identity,
         scribe,
         mail: letters.mail,
         watcher: &mut show,

@@ -41,6 +41,10 @@ const LOCK_TRIES: u32 = 500;
 /// …and how long between: 5 s in all, far more than any change of the folder takes.
 const LOCK_PAUSE: Duration = Duration::from_millis(10);
 
+/// How often a job's lock is tried for: a process that is just being started has its
+/// starter's locks for a moment, even one that the starter has let go of.
+const TAKE_TRIES: u32 = 20;
+
 /// Why the folder or a job in it cannot be used.
 #[derive(Debug, Error)]
 pub enum StoreError {
@@ -186,6 +190,16 @@ impl Store {
         Ok(store)
     }
 
+    /// The folder, if it is there.
+    ///
+    /// # Errors
+    /// It cannot be looked at.
+    pub fn existing(folder: &Path) -> Result<Option<Self>, StoreError> {
+        let store = Self { folder: folder.to_owned() };
+        let there = store.jobs().try_exists().map_err(io_at("look at", folder))?;
+        Ok(there.then_some(store))
+    }
+
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.folder
@@ -296,7 +310,7 @@ impl Store {
         let folder = self.lock()?;
         let over = match self.picture(id) {
             Err(JournalError::Missing) => return Err(StoreError::NoJob(id)),
-            Ok(picture) => is_over(&picture.log) || is_waiting(&picture.log),
+            Ok(picture) => picture.log.state.is_over() || is_waiting(&picture.log),
             Err(_) => false,
         };
         let _lock = self.take(id, &folder)?;
@@ -360,14 +374,13 @@ impl Store {
         if ids.len() <= MAX_OVER {
             return Ok(());
         }
-        let over = |id: &JobId| self.picture(*id).is_ok_and(|picture| is_over(&picture.log));
+        let over = |id: &JobId| self.picture(*id).is_ok_and(|picture| picture.log.state.is_over());
         let over: Vec<JobId> = ids.into_iter().filter(over).collect();
         let many = over.len().saturating_sub(MAX_OVER);
-        for id in &over[..many] {
-            // A host may still be at its last words.
-            if let Ok(_lock) = self.take(*id, folder) {
-                self.remove(*id)?;
-            }
+        // A host may still be at its last words.
+        let free = over.iter().filter_map(|id| Some((id, self.take(*id, folder).ok()?)));
+        for (id, _lock) in free.take(many) {
+            self.remove(*id)?;
         }
         Ok(())
     }
@@ -419,10 +432,13 @@ impl Store {
     }
 
     fn take(&self, id: JobId, folder: &FolderLock) -> Result<JobLock, StoreError> {
-        match self.try_lock(id, folder, true)? {
-            Some(Some(file)) => Ok(JobLock { _file: file }),
-            _ => Err(StoreError::Busy(id)),
+        for _ in 0..TAKE_TRIES {
+            if let Some(Some(file)) = self.try_lock(id, folder, true)? {
+                return Ok(JobLock { _file: file });
+            }
+            std::thread::sleep(LOCK_PAUSE);
         }
+        Err(StoreError::Busy(id))
     }
 
     fn hold(&self, id: JobId, folder: &FolderLock) -> Result<HeldJob, StoreError> {
@@ -439,10 +455,6 @@ impl Store {
 /// The folder's lock.
 struct FolderLock {
     _file: File,
-}
-
-fn is_over(log: &Log) -> bool {
-    matches!(log.state, State::Finished | State::Cancelled | State::Failed)
 }
 
 /// Nothing of it was sent.

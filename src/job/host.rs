@@ -12,13 +12,29 @@
 //! the line numbers mean, the first line after a pause. Checkpoints are not waited
 //! for, but no more than [`MAX_AHEAD`] commands are sent beyond the last one that is
 //! durable.
+mod book;
+mod ends;
+mod flight;
+mod life;
+mod pause;
+mod take_up;
+
+#[cfg(test)]
+mod tests;
+
 use super::record::{Checkpoint, Log, Record};
+use super::recover::walk::Kept;
 use super::recover::{Case, Plan, ResumeRules};
-use super::state::State;
-use super::tracker::EModes;
+use super::state::{Decision, Event as Happening, State, next};
+use super::tracker::{EModes, Tracker};
+use crate::printer::reply::Position;
 use crate::printer::session::{Event, Outcome, Session, Settings};
 use crate::printer::source::Source;
+use book::Book;
+use flight::Flight;
+use pause::Parked;
 use std::collections::VecDeque;
+use take_up::TakeUp;
 
 /// Commands sent at most beyond the last durable checkpoint: what a resume after a
 /// power cut may go over again, the printer's own queues apart.
@@ -27,8 +43,15 @@ pub const MAX_AHEAD: u64 = 1024;
 /// A checkpoint is written at least every so many commands while lines are acknowledged…
 pub const CHECKPOINT_COMMANDS: u64 = 512;
 
-/// …or after so long.
+/// …or after so long…
 pub const CHECKPOINT_MS: u64 = 5_000;
+
+/// …or, when beads are at another height than at the last, after so long: where the nozzle
+/// stands after a power cut is known the better, and a vase does not wear the medium.
+pub const CHECKPOINT_LAYER_MS: u64 = 1_000;
+
+/// Events kept for a driver that does not fetch them; what the printer says beyond is dropped.
+const MAX_EVENTS: usize = 1024;
 
 /// What one job on one printer needs to be told.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -140,6 +163,69 @@ pub enum HostEvent {
     Told(String),
 }
 
+/// What goes on between host and session; what [`Event::Held`] and
+/// [`Event::OwnDone`] then mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Doing {
+    /// The handshake, and a hold after it.
+    Connecting,
+    /// Our own lines before the file's first.
+    StartMacro,
+    /// Held, the file's next line waits for a record; or lines go out.
+    Feeding,
+    /// Before a pause: a hold.
+    Holding,
+    /// Our own lines that park the head.
+    Parking,
+    /// Parked.
+    Parked,
+    /// Parked, the nozzle's target is lowered.
+    Cooling,
+    /// Parked: the printer is asked where it is before the way back.
+    Asking,
+    /// Our own lines that lead back from where it is parked.
+    Unparking,
+    /// After the file's last line: a hold.
+    HoldingEnd,
+    /// Our own lines after the file's last.
+    EndMacro,
+    /// The session ends by itself: done, cancelled or failed.
+    Finishing,
+    /// The printer is asked for its last line.
+    Finding,
+    /// The file is walked to where the printer is; the session waits.
+    Walking,
+    /// Both count alike again; a hold follows.
+    Rejoining,
+    /// The printer is asked where its head is.
+    Verifying,
+    /// A person's word is awaited.
+    Waiting,
+    /// The handshake before the way back.
+    Reconnecting,
+    /// A step of the way back.
+    WayBack(usize),
+}
+
+/// What is done once the records before it are durable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Then {
+    Feed,
+    Park,
+    EndMacro,
+    GoOn { last: u32 },
+    MakeSafe,
+    WayBack,
+    Step(usize),
+}
+
+/// Wishes that cannot be granted yet.
+#[derive(Debug, Clone, Copy, Default)]
+struct Wishes {
+    pause: bool,
+    resume: bool,
+}
+
 /// One job on one printer. See the module's text.
 #[derive(Debug)]
 pub struct Host<S> {
@@ -147,13 +233,37 @@ pub struct Host<S> {
     session: Session,
     source: S,
     state: State,
-    records: VecDeque<Record>,
+    doing: Doing,
     events: VecDeque<HostEvent>,
-    /// Records given out, and kept by the medium.
-    given: u64,
-    kept: u64,
-    /// The file's first line may go once so many records are kept.
-    open_at: Option<u64>,
+    book: Book,
+    /// What waits for so many records to be durable.
+    gate: Option<(u64, Then)>,
+    /// The session's ask is allowed once so many are.
+    ask_at: Option<u64>,
+    /// Whether numbers on the wire stand for lines of the file, as last written down.
+    numbered: bool,
+    /// Whether a line of the file may have been sent, ever.
+    begun: bool,
+    /// Commands of the file before a place in it that are sent first, after a resume.
+    again: VecDeque<Kept>,
+    flight: Flight,
+    /// Commands of the file that were fed, and the last acknowledged position.
+    fed: u64,
+    acked: Checkpoint,
+    /// The machine as the acknowledged lines leave it.
+    tracker: Tracker,
+    /// The last checkpoint written: commands and time, and height of beads then.
+    noted: (u64, u64, f64),
+    bead_mm: f64,
+    /// Our own lines that run, and the first and last place reported while they do.
+    own: Vec<String>,
+    reports: [Option<Position>; 2],
+    wishes: Wishes,
+    parked: Option<Box<Parked>>,
+    taken: Option<Box<TakeUp>>,
+    link_down: bool,
+    /// All is over on our side, whatever the session thinks.
+    closing: bool,
     over: Option<Outcome>,
 }
 
@@ -161,23 +271,42 @@ impl<S: Source> Host<S> {
     /// A host over a port that was opened at `now_ms`. `source` stands before the
     /// job's first line, whatever `begin` says.
     pub fn new(settings: HostSettings, source: S, begin: &Begin, now_ms: u64) -> Self {
+        let mut wire = settings.session.clone();
+        // What the numbers mean is written down, always.
+        wire.asks = true;
         let session = match begin {
-            Begin::Fresh => Session::new(settings.session.clone(), now_ms),
-            _ => Session::take_over(settings.session.clone(), now_ms),
+            Begin::Fresh | Begin::AfterReset { .. } => Session::new(wire, now_ms),
+            Begin::TakeOver { .. } | Begin::MakeSafe { .. } => Session::take_over(wire, now_ms),
         };
         let mut host = Self {
+            tracker: Tracker::new(settings.e_modes),
             settings,
             session,
             source,
             state: State::Accepted,
-            records: VecDeque::new(),
+            doing: Doing::Connecting,
             events: VecDeque::new(),
-            given: 0,
-            kept: 0,
-            open_at: None,
+            book: Book::default(),
+            gate: None,
+            ask_at: None,
+            numbered: false,
+            begun: false,
+            again: VecDeque::new(),
+            flight: Flight::default(),
+            fed: 0,
+            acked: Checkpoint::default(),
+            noted: (0, now_ms, 0.0),
+            bead_mm: 0.0,
+            own: Vec::new(),
+            reports: [None; 2],
+            wishes: Wishes::default(),
+            parked: None,
+            taken: None,
+            link_down: false,
+            closing: false,
             over: None,
         };
-        host.enter(State::Starting);
+        host.begin(begin);
         host
     }
 
@@ -192,6 +321,8 @@ impl<S: Source> Host<S> {
     /// Time passed. Call at [`Host::deadline`] or later.
     pub fn on_tick(&mut self, now_ms: u64) {
         self.session.on_tick(now_ms);
+        self.walk_on(now_ms);
+        self.cool_down(now_ms);
         self.go_on(now_ms);
     }
 
@@ -203,7 +334,15 @@ impl<S: Source> Host<S> {
 
     /// The port was opened again.
     pub fn link_back(&mut self, now_ms: u64) {
+        self.link_down = false;
+        self.happen(Happening::LinkBack);
         self.session.link_back(now_ms);
+        self.go_on(now_ms);
+    }
+
+    /// The port is gone for good: it is no longer waited for.
+    pub fn port_lost(&mut self, reason: String, now_ms: u64) {
+        self.session.port_lost(reason);
         self.go_on(now_ms);
     }
 
@@ -213,19 +352,27 @@ impl<S: Source> Host<S> {
         self.go_on(now_ms);
     }
 
-    /// The user wants something.
+    /// The user wants something. [`HostEvent::Refused`] says why it cannot be.
     pub fn request(&mut self, request: Request, now_ms: u64) {
         match request {
-            Request::Cancel => self.session.cancel(now_ms),
-            Request::EmergencyStop => self.session.emergency_stop(now_ms),
-            _ => self.events.push_back(HostEvent::Refused("not yet")),
+            Request::Pause => self.want_pause(now_ms),
+            Request::Resume => self.want_resume(now_ms),
+            Request::Confirm => self.want_confirm(now_ms),
+            Request::Cancel => self.want_cancel(now_ms),
+            Request::EmergencyStop => self.want_emergency_stop(now_ms),
+            Request::Answer(choice) => {
+                if !self.session.answer(choice, now_ms) {
+                    self.refuse("the printer asks nothing");
+                }
+            }
+            Request::Command(command) => self.want_command(&command, now_ms),
         }
         self.go_on(now_ms);
     }
 
     /// The medium keeps the first `records` of all that [`Host::poll_record`] gave.
     pub fn durable(&mut self, records: u64, now_ms: u64) {
-        self.kept = self.kept.max(records);
+        self.book.kept(records);
         self.go_on(now_ms);
     }
 
@@ -241,12 +388,16 @@ impl<S: Source> Host<S> {
         self.session.written(len);
     }
 
+    /// Whether what the system has not sent yet is to be dropped before
+    /// [`Host::output`] is written. See [`Session::wants_flush`].
+    pub fn wants_flush(&self) -> bool {
+        self.session.wants_flush()
+    }
+
     /// The oldest record that was not fetched, to be appended to the journal. Sync at
     /// leisure, but soon: the job may wait for it.
     pub fn poll_record(&mut self) -> Option<Record> {
-        let record = self.records.pop_front()?;
-        self.given += 1;
-        Some(record)
+        self.book.poll()
     }
 
     /// The oldest event that was not fetched.
@@ -256,15 +407,23 @@ impl<S: Source> Host<S> {
 
     /// What is wanted of the port.
     pub fn port(&self) -> PortWish {
-        match self.over {
-            Some(_) => PortWish::Close,
-            None => PortWish::Keep,
+        if self.over.is_some() || self.closing {
+            // The last state is durable before the port goes.
+            return if self.book.has_all() { PortWish::Close } else { PortWish::Keep };
+        }
+        match self.link_down {
+            true => PortWish::Reopen,
+            false if self.session.wants_hard_stop() => PortWish::HardStop,
+            false => PortWish::Keep,
         }
     }
 
     /// When [`Host::on_tick`] is due at the latest, in ms.
     pub fn deadline(&self) -> Option<u64> {
-        self.session.deadline()
+        // A walk goes on at once.
+        let walk = self.is_walking().then_some(0);
+        let checkpoint = (self.acked.commands > self.noted.0).then_some(self.noted.1 + CHECKPOINT_MS);
+        [self.session.deadline(), walk, checkpoint, self.cools_at()].into_iter().flatten().min()
     }
 
     /// Where the job is.
@@ -274,91 +433,66 @@ impl<S: Source> Host<S> {
 
     /// How far it is.
     pub fn position(&self) -> Checkpoint {
-        Checkpoint { line: self.session.job_acked(), ..Checkpoint::default() }
+        self.acked
+    }
+
+    /// Commands that were acknowledged or are on their way, and those of the last
+    /// durable checkpoint: the first is at most [`MAX_AHEAD`] more.
+    pub fn ahead(&self) -> (u64, u64) {
+        (self.fed, self.book.durable_commands())
     }
 
     /// Where the job that was taken up was found to stand.
     pub fn case(&self) -> Option<&Case> {
-        None
+        self.taken.as_ref()?.case()
     }
 
     /// The way back after a loss of state, once it is known.
     pub fn plan(&self) -> Option<&Plan> {
-        None
+        self.taken.as_ref()?.plan()
     }
 
-    /// How it ended. With [`Case`]s that end a host before its connection has ended
-    /// by itself this is `None` although [`Host::port`] is [`PortWish::Close`].
+    /// How it ended. `None` although [`Host::port`] is [`PortWish::Close`]: a job that was
+    /// taken up is [`State::Interrupted`], see [`Host::case`].
     pub fn outcome(&self) -> Option<&Outcome> {
         self.over.as_ref()
     }
 
     // ---- in between ----
 
-    fn enter(&mut self, state: State) {
-        self.state = state;
-        self.records.push_back(Record::State(state));
-        self.events.push_back(HostEvent::State(state));
-    }
-
-    /// All records that there are so far.
-    fn written_down(&self) -> u64 {
-        self.given + self.records.len() as u64
-    }
-
-    fn go_on(&mut self, now_ms: u64) {
-        loop {
-            while let Some(event) = self.session.poll_event() {
-                self.on_event(&event, now_ms);
-                self.events.push_back(HostEvent::Session(event));
+    /// What the transition function makes of it is done; `true` if the state is another.
+    fn happen(&mut self, event: Happening) -> bool {
+        match next(self.state, event) {
+            Decision::To(state) => {
+                self.enter(state);
+                true
             }
-            if self.open_at.is_some_and(|at| self.kept >= at) {
-                self.open_at = None;
-                self.session.release(now_ms);
-            }
-            if !self.session.wants_line() {
-                return;
-            }
-            match self.source.advance() {
-                Ok(true) => {
-                    let line = self.source.line();
-                    self.session.feed(line.command, line.number, now_ms);
-                }
-                Ok(false) => {
-                    self.enter(State::Ending);
-                    self.session.hold(now_ms);
-                }
-                Err(e) => self.session.source_failed(e.line, e.reason, now_ms),
+            Decision::Stay => false,
+            Decision::Refuse(why) => {
+                self.refuse(why);
+                false
             }
         }
     }
 
-    fn on_event(&mut self, event: &Event, now_ms: u64) {
-        match event {
-            Event::Connected { .. } => self.session.hold(now_ms),
-            Event::Held => match self.state {
-                State::Starting => {
-                    self.session.run_own(self.settings.start_macro.iter().map(String::as_str), now_ms)
-                }
-                _ => self.session.run_own(self.settings.end_macro.iter().map(String::as_str), now_ms),
-            },
-            Event::OwnDone => match self.state {
-                State::Starting => {
-                    let first = self.session.next_number();
-                    self.records.push_back(Record::Numbers { first, after: 0 });
-                    self.enter(State::Printing);
-                    self.open_at = Some(self.written_down());
-                }
-                _ => self.session.finish_job(now_ms),
-            },
-            Event::Ended(outcome) => {
-                self.enter(match outcome {
-                    Outcome::Finished => State::Finished,
-                    Outcome::Stopped { .. } => State::Failed,
-                });
-                self.over = Some(outcome.clone());
-            }
-            _ => {}
+    fn enter(&mut self, state: State) {
+        self.state = state;
+        self.book.push(Record::State(state));
+        self.tell(HostEvent::State(state));
+    }
+
+    fn refuse(&mut self, why: &'static str) {
+        self.tell(HostEvent::Refused(why));
+    }
+
+    fn say(&mut self, text: impl Into<String>) {
+        self.tell(HostEvent::Told(text.into()));
+    }
+
+    fn tell(&mut self, event: HostEvent) {
+        let may_go = matches!(event, HostEvent::Session(_) | HostEvent::Told(_));
+        if !may_go || self.events.len() < MAX_EVENTS {
+            self.events.push_back(event);
         }
     }
 }

@@ -15,9 +15,8 @@
 //! Knows no file system, no clock and no meaning of a record.
 mod codec;
 
-use super::record::{Accepted, Log, Record};
+use super::record::{Accepted, Log, MAX_TEXT_BYTES, Record};
 use super::storage::Storage;
-pub use codec::{MAX_CHUNKS, MAX_TEXT_BYTES};
 use std::io;
 use std::os::unix::ffi::OsStrExt;
 use thiserror::Error;
@@ -94,8 +93,8 @@ pub enum JournalError {
     /// Its bytes say nothing.
     #[error(transparent)]
     Unreadable(#[from] Unreadable),
-    /// A job file whose path is longer than any that the system opens.
-    #[error("the file's path has more than {MAX_TEXT_BYTES} bytes")]
+    /// A path longer than any that the system opens.
+    #[error("the file's or the profile's path has more than {MAX_TEXT_BYTES} bytes")]
     PathTooLong,
 }
 
@@ -262,7 +261,8 @@ impl<S: Storage> Journal<S> {
     /// # Errors
     /// The medium's; the job must not be taken for accepted.
     pub fn create(storage: S, accepted: Accepted) -> Result<Self, JournalError> {
-        if accepted.path.as_os_str().as_bytes().len() > MAX_TEXT_BYTES {
+        let longest = accepted.path.as_os_str().as_bytes().len().max(accepted.profile.len());
+        if longest > MAX_TEXT_BYTES {
             return Err(JournalError::PathTooLong);
         }
         let log = Log::new(accepted);

@@ -16,6 +16,15 @@ pub const SETTLE_MARGIN: u32 = 1024;
 /// one command of the file getting on. Beyond, numbers say nothing any more.
 pub const MAX_OWN: usize = 1 << 18;
 
+/// Longest text kept of a record: PATH_MAX of Linux, and far more than a port's name or
+/// a failure's words have. The rest is left out.
+pub const MAX_TEXT_BYTES: usize = 4096;
+
+/// As much of a text as is kept.
+pub(super) fn kept(text: &str) -> &str {
+    &text[..text.floor_char_boundary(MAX_TEXT_BYTES)]
+}
+
 /// What is known of a job from its acceptance on.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Accepted {
@@ -236,7 +245,7 @@ impl Log {
     pub fn distrust(&mut self) {
         self.damaged = true;
         self.numbers = Numbers::unknown();
-        if !matches!(self.state, State::Finished | State::Cancelled | State::Failed) {
+        if !self.state.is_over() {
             self.state = State::Interrupted;
         }
     }
@@ -247,7 +256,7 @@ impl Log {
             // Only the first record is one; a second changes nothing.
             Record::Accepted(_) => {}
             Record::Opened { port, baud, at_unix_s } => {
-                self.opened = Some((port.clone(), *baud, *at_unix_s));
+                self.opened = Some((kept(port).to_owned(), *baud, *at_unix_s));
                 self.starts += 1;
             }
             Record::State(state) => self.state = *state,
@@ -262,7 +271,83 @@ impl Log {
                 self.numbers.settle(checkpoint.commands);
             }
             Record::MadeSafe { z_mm } => self.made_safe = Some(*z_mm),
-            Record::Note(text) => self.note = Some(text.clone()),
+            Record::Note(text) => self.note = Some(kept(text).to_owned()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Numbers as the host tells them: `ours[k]` says whether number `first + k` is the
+    /// file's.
+    fn numbers(first: u32, after: u64, ours: &[bool]) -> Numbers {
+        let mut numbers = Numbers::Job { first, after, own: Vec::new() };
+        for (k, _) in ours.iter().enumerate().filter(|(_, ours)| !**ours) {
+            numbers.not_ours(first + k as u32);
+        }
+        numbers
+    }
+
+    #[test]
+    fn a_number_leads_to_a_place_in_the_file() {
+        let n = numbers(10, 5, &[true, true, false, true, false]);
+        let check = |last, expect| assert_eq!(n.commands_through(last), expect, "N{last}");
+        check(8, None);
+        check(9, Some(5));
+        check(10, Some(6));
+        check(11, Some(7));
+        check(12, Some(7));
+        check(13, Some(8));
+        check(14, Some(8));
+        check(15, Some(9));
+        assert_eq!(Numbers::Nothing { after: 3 }.commands_through(77), Some(3));
+        assert_eq!(Numbers::unknown().commands_through(77), None);
+    }
+
+    #[test]
+    fn a_count_that_is_over_tells_nothing() {
+        let mut n = numbers(10, 5, &[true, false]);
+        for old in [3, 11, 9] {
+            n.not_ours(old);
+        }
+        assert_eq!(n, Numbers::Job { first: 10, after: 5, own: vec![11] });
+    }
+
+    #[test]
+    fn more_numbers_than_can_be_kept_lead_nowhere() {
+        let mut n = numbers(0, 0, &[]);
+        (0..=MAX_OWN as u32).for_each(|own| n.not_ours(own));
+        assert_eq!(n, Numbers::unknown());
+    }
+
+    proptest! {
+        /// A checkpoint changes no number that a printer may still name as its last.
+        #[test]
+        fn settling_changes_no_answer(
+            first in 0..100_000u32,
+            after in 0..1_000_000u64,
+            runs in prop::collection::vec((any::<bool>(), 1..400usize), 1..40),
+            acked: prop::sample::Index,
+        ) {
+            let ours: Vec<bool> =
+                runs.iter().flat_map(|(ours, len)| std::iter::repeat_n(*ours, *len)).collect();
+            let before = numbers(first, after, &ours);
+            let last = first + acked.index(ours.len()) as u32;
+            let commands = before.commands_through(last).unwrap();
+            let mut settled = before.clone();
+            settled.settle(commands);
+            let lowest = last.saturating_sub(SETTLE_MARGIN).max(first.saturating_sub(1));
+            // The acknowledged number may be followed by some that are not the file's.
+            let lowest = before.number_of(commands).map_or(lowest, |n| n.saturating_sub(SETTLE_MARGIN).max(lowest));
+            for n in lowest..first + ours.len() as u32 + 10 {
+                prop_assert_eq!(settled.commands_through(n), before.commands_through(n), "N{}", n);
+            }
+            if let Numbers::Job { first: from, own, .. } = &settled {
+                prop_assert!(own.first().is_none_or(|n| n >= from), "{:?}", own);
+            }
         }
     }
 }

@@ -10,10 +10,17 @@
 //! and nothing beyond `n + MAX_AHEAD` was sent. The job is taken up again before the
 //! former, so nothing is left out, and what is printed twice is at most
 //! [`ResumeRules::most_twice`] commands.
+pub mod one_by_one;
+mod plan;
+pub mod walk;
+
+pub use plan::{Plan, Step, ZDuring, plan};
+
 use super::host::MAX_AHEAD;
 use super::record::{Log, Numbers};
 use super::state::State;
 use crate::printer::session::Found;
+use walk::Walked;
 
 /// What a profile says of resuming after the printer lost its state.
 #[derive(Debug, Clone, PartialEq)]
@@ -130,6 +137,14 @@ pub enum Refusal {
     /// Objects are printed one by one, and some are finished.
     #[error("objects are printed one after the other, and the head could hit those that are finished")]
     OneByOne,
+    /// It broke off before its first layer.
+    #[error(
+        "it broke off in its preparation, before anything was printed: clear the bed, forget it, print it anew"
+    )]
+    InPreparation,
+    /// It broke off while the nozzle was being moved up or down by us.
+    #[error("how high the nozzle stands is not known: it was being moved when it broke off")]
+    HeightNotKnown,
     /// Too many commands without a move for what is kept of them.
     #[error("the file has too many commands without a move where it broke off")]
     TooManyCommands,
@@ -137,39 +152,105 @@ pub enum Refusal {
 
 /// Tells the cases apart.
 pub fn case(log: &Log, found: Found, rules: &ResumeRules) -> Case {
-    let _ = (log, found, rules, Numbers::Nothing { after: 0 }, State::Lost);
-    Case::NotKnown { certain: String::new(), uncertain: String::new() }
+    if log.state.is_over() {
+        return Case::Over;
+    }
+    if log.state == State::Cancelling || (log.state == State::Failing && found != Found::Started) {
+        return Case::Unsafe;
+    }
+    let reached = reached(log);
+    if !begun(log) {
+        return Case::NotBegun;
+    }
+    match found {
+        // The heaters are off, and the head is elsewhere.
+        _ if log.made_safe.is_some() => after_reset(log, rules),
+        // A board that has started before we listened counts from 0; the handshake of
+        // a job's host alone goes beyond.
+        Found::Started | Found::Counting { last: 0 } => after_reset(log, rules),
+        Found::Counting { last } => match &log.numbers {
+            Numbers::Nothing { after } => host_died(log, *after),
+            Numbers::Job { after, .. } => match log.numbers.commands_through(last) {
+                Some(n) if (reached..=reached + MAX_AHEAD).contains(&n) && n >= *after => {
+                    Case::HostDied { after: n, parked: false }
+                }
+                _ => not_known(
+                    log,
+                    format!("the printer's last line is N{last}, and this job cannot have come to that"),
+                ),
+            },
+        },
+        Found::NotSaid => {
+            not_known(log, "the printer does not say which line it has accepted last".to_owned())
+        }
+    }
 }
 
-/// The way back into a job after the printer lost its state.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Plan {
-    /// What is done, in order.
-    pub steps: Vec<Step>,
-    /// Commands of the file that are not sent again.
-    pub after: u64,
-    /// Moves that may be made twice, at most.
-    pub most_twice: u64,
-    /// Height that the nozzle is taken to be at, mm.
-    pub z_mm: f64,
+/// Commands of the file that surely were acknowledged.
+fn reached(log: &Log) -> u64 {
+    match &log.numbers {
+        Numbers::Nothing { after } => *after,
+        Numbers::Job { after, .. } => log.checkpoint.commands.max(*after),
+    }
 }
 
-/// One step of a [`Plan`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Step {
-    /// For a person: `raise the nozzle by 10 mm`.
-    pub what: String,
-    /// Lines that are sent for it.
-    pub lines: Vec<String>,
-    /// What is known of the nozzle's height while it runs and after it.
-    pub z: ZDuring,
+/// Whether anything of the file may have been sent.
+fn begun(log: &Log) -> bool {
+    log.numbers != Numbers::Nothing { after: 0 } || log.checkpoint.commands > 0
 }
 
-/// What is known of the nozzle's height during a step of a [`Plan`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ZDuring {
-    /// As before.
-    Same,
-    /// It moves: if the power fails now, it is not known; afterwards it is this, mm.
-    MovesTo(f64),
+fn host_died(log: &Log, after: u64) -> Case {
+    let parked = log.state != State::Ending && after < log.accepted.commands;
+    Case::HostDied { after, parked }
 }
+
+fn not_known(log: &Log, uncertain: String) -> Case {
+    Case::NotKnown {
+        certain: format!(
+            "the first {} commands of the file (to line {}) were acknowledged",
+            reached(log),
+            log.checkpoint.line
+        ),
+        uncertain,
+    }
+}
+
+fn after_reset(log: &Log, rules: &ResumeRules) -> Case {
+    if !rules.homes_xy_alone {
+        return Case::Refused(Refusal::HomingMovesZ);
+    }
+    if !rules.homing_clears_part {
+        return Case::Refused(Refusal::HomingMayHitPart);
+    }
+    let exact = matches!(log.numbers, Numbers::Nothing { .. });
+    let in_motion = match log.made_safe {
+        Some(z_mm) => z_mm.is_none(),
+        // Between the pause and the next line of the file the head is anywhere but
+        // when it is parked.
+        None => exact && log.state != State::Paused,
+    };
+    if in_motion {
+        return not_known(log, "how high the nozzle stands: it was being moved when it broke off".to_owned());
+    }
+    Case::PrinterReset { after: reached(log), exact }
+}
+
+/// Height at which the nozzle stands after a loss of state, mm: as it was written down, as
+/// the pause macro has left it, or the lowest of where the moves in question lead, so
+/// that what it is taken for is never higher than it is.
+pub fn height_mm(log: &Log, walked: &Walked, pause_macro: &[String]) -> Option<f64> {
+    match log.made_safe {
+        Some(z_mm) => z_mm,
+        None if log.state == State::Paused => {
+            let mut parked = walked.tracker.clone();
+            for line in pause_macro {
+                parked.apply(line.as_bytes());
+            }
+            parked.at_mm(2)
+        }
+        None => Some(walked.lowest_mm),
+    }
+}
+
+#[cfg(test)]
+mod tests;

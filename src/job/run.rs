@@ -12,6 +12,8 @@
 use super::host::{Host, HostEvent, PortWish, Request};
 use super::recover::Plan;
 use super::scribe::Scribe;
+use super::state::State;
+use crate::printer::find::{Identity, Places, reopen};
 use crate::printer::port::{Moved, Port, PortError};
 use crate::printer::session::Outcome;
 use crate::printer::source::Source;
@@ -19,7 +21,7 @@ use std::future::Future;
 use std::pin::{Pin, pin};
 use std::time::Duration;
 use tokio::sync::mpsc;
-use tokio::time::{Instant, sleep_until};
+use tokio::time::{Instant, sleep, sleep_until};
 
 /// Bytes read at once; replies are short, so this holds many.
 const READ_BYTES: usize = 4096;
@@ -38,6 +40,9 @@ const MAX_UNKEPT: u64 = 256;
 /// How long the last records of a job that is over are waited for: a busy SD card
 /// takes seconds, a broken one is not worth more.
 const LAST_RECORDS: Duration = Duration::from_secs(10);
+
+/// Between two rounds of tries of a port that is there and cannot be opened.
+const REFUSED_PAUSE: Duration = Duration::from_secs(2);
 
 /// What a running host hears from this side.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -70,20 +75,14 @@ pub trait Watcher {
     fn planned(&mut self, _plan: &Plan) {}
 }
 
-/// Opens the printer's port again once it is back. May be dropped at any time.
-pub trait Reopen {
-    /// Waits for the port and opens it.
-    fn reopen(&self) -> Pin<Box<dyn Future<Output = Port>>>;
-}
-
 /// What a host is tied to.
 pub struct Wires<'a, W> {
     /// The printer's port, open since `started`.
     pub port: Port,
     /// Whether DTR resets the board, for an emergency stop that was not heard.
     pub hard_stop: bool,
-    /// What finds it again.
-    pub reopen: &'a dyn Reopen,
+    /// What finds the printer again when its port has vanished.
+    pub identity: Identity,
     /// Who writes records down; `None`: nobody, and the host goes on as if they were kept.
     pub scribe: Option<Scribe>,
     /// Requests, and the scribe's answers.
@@ -133,9 +132,10 @@ impl Link {
 /// Dropping the future abandons the job where it is: the caller then tells that
 /// heaters may be on.
 pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>) -> End {
-    let Wires { port, hard_stop, reopen, scribe, mut mail, watcher, started } = wires;
+    let Wires { port, hard_stop, identity, scribe, mut mail, watcher, started } = wires;
+    let baud = port.baud();
     let mut link = Link::Open(port);
-    let mut run = Run { book: Book::new(scribe), hard_stop, watcher, started, over_at: None };
+    let mut run = Run { book: Book::new(scribe), hard_stop, identity, baud, watcher, started, over_at: None };
     let mut input = [0_u8; READ_BYTES];
     let mut timer = pin!(sleep_until(started));
     let mut mail_open = true;
@@ -145,7 +145,7 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
         if let Some(end) = run.end(host) {
             return end;
         }
-        run.obey(host, &mut link, reopen).await;
+        run.obey(host, &mut link).await;
         let due = run.due(host);
         // Deadlines mostly move away with every answer. Setting the timer costs
         // more than waking once too often, so only an earlier one sets it.
@@ -156,6 +156,8 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
             biased;
             letter = mail.recv(), if mail_open => match letter {
                 Some(Mail::Quit) => return End::Quit,
+                // A broken-off job that waits for a word is left as it is.
+                Some(Mail::Ask(Request::Cancel)) if host.state() == State::Interrupted => return End::Quit,
                 Some(letter) => run.read(letter, host, &mut link),
                 // Nobody is left who could write.
                 None => mail_open = false,
@@ -187,6 +189,8 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
 struct Run<'a, W> {
     book: Book,
     hard_stop: bool,
+    identity: Identity,
+    baud: u32,
     watcher: &'a mut W,
     started: Instant,
     over_at: Option<Instant>,
@@ -220,14 +224,14 @@ impl<W: Watcher> Run<'_, W> {
     }
 
     /// Does what the host wants of the port.
-    async fn obey<S: Source>(&mut self, host: &mut Host<S>, link: &mut Link, reopen: &dyn Reopen) {
+    async fn obey<S: Source>(&mut self, host: &mut Host<S>, link: &mut Link) {
         match host.port() {
             PortWish::Keep => {}
             PortWish::Reopen => {
                 if !matches!(link, Link::Away(_)) {
                     // The old one first: two openings exclude each other.
                     *link = Link::Closed;
-                    *link = Link::Away(reopen.reopen());
+                    *link = Link::Away(Box::pin(reopened(self.identity.clone(), self.baud)));
                 }
             }
             PortWish::HardStop => {
@@ -282,6 +286,18 @@ impl<W: Watcher> Run<'_, W> {
                 }
             }
         }
+    }
+}
+
+/// Waits until the port is back, however long; one that is there and refuses (another program took it)
+/// is tried again.
+async fn reopened(identity: Identity, baud: u32) -> Port {
+    let places = Places::default();
+    loop {
+        if let Ok(port) = reopen(&identity, baud, &places).await {
+            return port;
+        }
+        sleep(REFUSED_PAUSE).await;
     }
 }
 

@@ -276,7 +276,7 @@ fn wanted(state: State, event: Event) -> Decision {
         (Event::Resume, Printing | Ending) => Refuse(NOT_PAUSED),
 
         (Event::Cancel, Accepted) => To(Cancelled),
-        (Event::Cancel, Lost | Cancelling) => Stay,
+        (Event::Cancel, Cancelling) => Stay,
         (Event::Cancel, Failing) => Refuse(BEING_ENDED),
         (Event::Cancel, _) => To(Cancelling),
 

@@ -5,17 +5,20 @@
 //! - [`job_file`]: a file, checked, as a source of commands.
 //! - [`window`]: numbered lines, what is in flight, what can be sent again.
 //! - [`lines`]: bytes from the wire into lines.
-//! - [`reply`], [`temperature`]: what a line of the printer means.
+//! - [`reply`], [`temperature`], [`action`]: what a line of the printer means.
 //! - [`source`]: where a job's lines come from.
 //! - [`session`]: the state machine over these; no I/O, no clock.
 //! - [`port`]: the serial port.
+//! - [`find`]: which port, at which speed, and the same one again.
 //! - [`mock`]: the other side: a strict Marlin on a pseudo-terminal.
 //!
-//! Invariant: on the sender's side nothing but [`port`] does I/O or asks the
-//! time; it shares no code with [`mock`].
+//! Invariant: on the sender's side nothing but [`port`] and [`find`] does I/O or asks
+//! the time; it shares no code with [`mock`].
 //!
 //! Knows the G-code crate's framing. Settings come as plain values: this room
 //! knows no profile, no command line and no terminal.
+pub mod action;
+pub mod find;
 pub mod job_file;
 pub mod lines;
 pub mod mock;

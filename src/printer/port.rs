@@ -173,6 +173,15 @@ impl Port {
         done.map_err(|e| self.error(e))
     }
 
+    /// Drops the bytes that came and were not read: after another speed they are noise.
+    ///
+    /// # Errors
+    /// The port is gone, or the system refuses.
+    pub fn flush_input(&mut self) -> Result<(), PortError> {
+        let done = self.device_mut().and_then(|device| device.flush(false, true));
+        done.map_err(|e| self.error(e))
+    }
+
     /// Resets the board: DTR goes down for 250 ms and up again; what was not sent
     /// and not read is dropped. A pseudo-terminal, which has no DTR, is closed and
     /// opened again.

@@ -1,7 +1,7 @@
 //! One job over one connection: a state machine without I/O and without a clock.
 //!
 //! Takes what comes ([`Session::on_bytes`], [`Session::on_tick`],
-//! [`Session::feed`], [`Session::cancel`], [`Session::port_lost`]) with the time
+//! [`Session::feed`], [`Session::cancel`], [`Session::link_lost`] …) with the time
 //! in ms of any steady clock, gives bytes to write ([`Session::output`]), events
 //! ([`Session::poll_event`]) and the time when it wants to be called at the
 //! latest ([`Session::deadline`]). Does not know ports, files or terminals.
@@ -10,9 +10,14 @@
 //! ```text
 //!  Boot ──► Numbering ──► Identify ──► Job ──────────────► Ended
 //!  (start?)  (M110 N0)     (M115,       │ cancel             ▲
-//!               ▲           M155)       ▼                    │
-//!               │                    WindDown ─► Numbering ─► Safe
-//!               └── numbers used up ── Job        (M110 N0)   (cancel macro)
+//!      ▲        ▲           M155)       ▼                    │
+//!      │        │             ▲      WindDown ─► Numbering ─► Safe
+//!      │        └── numbers   │ ── Job            (M110 N0)   (cancel macro)
+//!      │            used up   │
+//!      │                      │ go_on
+//!  begin_anew ◄──────────── Search ◄── link_back ── Lost ◄── link_lost (any)
+//!                             ▲
+//!                         take_over          any ── emergency_stop ──► Stopping ──► Ended
 //! ```
 //!
 //! # Why every line is numbered, ours too
@@ -20,26 +25,34 @@
 //! probe (M105) with the next number does two things at once: its `ok` proves
 //! that all before it arrived, and a lost line makes the firmware ask for it. An
 //! unnumbered probe proves only that the printer lives, and has no checksum: one
-//! wrong bit makes M107 of it, which stops the fan.
+//! wrong bit makes M107 of it, which stops the fan. Only what must overtake the queue
+//! (M108, M112, M410, M876) goes without a number.
 mod answers;
+mod asks;
+mod emergency;
 mod event;
 mod kind;
+mod link;
+mod person;
+mod phases;
+mod resend;
 mod sending;
 mod settings;
 mod stall;
+mod take_over;
 
 #[cfg(test)]
 mod sim;
 #[cfg(test)]
 mod tests;
 
-pub use event::{Ending, Event, Failure, Found, Outcome, Safety, StoppedBy};
+pub use asks::Ask;
+pub use event::{Ending, Event, Failure, Found, Outcome, Safety, StoppedBy, Waiting};
 pub use settings::{DEFAULT_BOOT_WAIT_MS, DEFAULT_WINDOW_BYTES, MARLIN_MAX_LINE, Settings};
 
 use crate::printer::lines::LineSplitter;
 use crate::printer::window::Window;
 use kind::sets_line_number;
-use outrigger_gcode::checksum::frame;
 use settings::*;
 use std::collections::VecDeque;
 
@@ -50,21 +63,35 @@ enum Phase {
     Boot { speak_ms: u64, latest_ms: u64 },
     /// M110 was sent; its `ok` leads on.
     Numbering { then: Then, tries: u32, retry_ms: u64 },
-    /// Asking who is there: 0 nothing, 1 M115, [`ASKED_ALL`] M155 sent; then an
-    /// M105 proves that both sides count alike.
-    Identify { asked: u8 },
+    /// Asking who is there (M115, once `asked`), and for what it can do; then an M105
+    /// proves that both sides count alike.
+    Identify { asked: bool, whence: Whence },
     /// Both sides count alike: the job is fed, held or ended, as [`Feed`] says.
     Job,
     /// No more is fed; what is in flight is awaited.
     WindDown { until_ms: u64, interrupt: bool },
     /// The cancel macro goes out; `next` is the index of its next line.
     Safe { next: usize, until_ms: u64 },
+    /// The printer may be in mid-job and is asked where it is.
+    Search(take_over::Search),
+    /// The port is gone. `anew`: nothing was sent that the printer must remember.
+    Lost { anew: bool },
+    /// M112 is out, or goes out as soon as there is a port.
+    Stopping(emergency::Stop),
     /// Over.
     Ended,
 }
 
-/// The last step of [`Phase::Identify`].
-const ASKED_ALL: u8 = 2;
+/// How it came to [`Phase::Identify`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Whence {
+    /// The printer counts from 0, and nothing of the job was sent.
+    Anew,
+    /// It counts from 0, in mid-job.
+    Renumbered,
+    /// It goes on counting where it was.
+    Rejoined,
+}
 
 /// What follows when the printer counts from 0 again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,6 +127,10 @@ struct Printer {
     firmware: Option<String>,
     auto_report: bool,
     emergency_parser: bool,
+    prompts: bool,
+    /// What was asked of it because it can: reports, and its prompts.
+    asked_reports: bool,
+    asked_prompts: bool,
 }
 
 /// The one job line that waits for room.
@@ -108,19 +139,6 @@ struct Pending {
     command: Vec<u8>,
     job_line: u64,
     full: bool,
-}
-
-/// What a session wants to do and must ask for first, since it changes which line of
-/// the job a number on the wire stands for. Only where [`Settings::asks`] is set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ask {
-    /// A line that is not the job's is to get this number, between two of the job's.
-    Own {
-        /// Number on the wire.
-        n: u32,
-    },
-    /// The printer is to count from 0 again; nothing of the job is in flight.
-    Renumber,
 }
 
 /// The state machine. See the module's text.
@@ -142,8 +160,18 @@ pub struct Session {
     own: VecDeque<Vec<u8>>,
     /// Such lines were given, and their end was not told yet.
     own_running: bool,
-    /// Whether a line of the job was ever sent.
+    /// Whether a line of the job or of a macro was ever sent, or may have been by
+    /// someone before us: the printer may be hot.
     touched: bool,
+    /// Whether numbers on the wire stand for lines of the job.
+    job_begun: bool,
+    /// The printer counts from 0 in mid-job, and nobody has written down from where
+    /// the job's lines count.
+    unnumbered: bool,
+    asked: Option<asks::Asked>,
+    person: person::Person,
+    /// The system may hold bytes that are not to be sent any more.
+    flush: bool,
     /// Last job line that was acknowledged.
     job_acked: u64,
     lines_sent: u64,
@@ -158,10 +186,7 @@ impl Session {
     pub fn new(settings: Settings, now_ms: u64) -> Self {
         let window = Window::new(settings.window);
         Self {
-            phase: Phase::Boot {
-                speak_ms: now_ms + settings.boot_wait_ms,
-                latest_ms: now_ms + settings.boot_wait_ms + BOOT_MAX_MS,
-            },
+            phase: settings.boot(now_ms),
             settings,
             printer: Printer::default(),
             splitter: LineSplitter::default(),
@@ -175,6 +200,11 @@ impl Session {
             own: VecDeque::new(),
             own_running: false,
             touched: false,
+            job_begun: false,
+            unnumbered: false,
+            asked: None,
+            person: person::Person::default(),
+            flush: false,
             job_acked: 0,
             lines_sent: 0,
             answers: answers::Answers::default(),
@@ -207,6 +237,8 @@ impl Session {
             }
             Phase::WindDown { until_ms, .. } if now_ms >= until_ms => self.make_safe(now_ms),
             Phase::Safe { until_ms, .. } if now_ms >= until_ms => self.end_early(Safety::Unknown),
+            Phase::Search(search) => self.tick_search(search, now_ms),
+            Phase::Stopping(stop) => self.tick_stop(stop, now_ms),
             _ => {}
         }
         self.end_drain(now_ms);
@@ -245,6 +277,10 @@ impl Session {
     /// The job has no more lines: once all were accepted and every move is made,
     /// [`Outcome::Finished`] is told.
     pub fn finish_job(&mut self, now_ms: u64) {
+        if self.feed == Feed::Held {
+            // What follows is after the job: no number stands for a line of it.
+            self.job_begun = false;
+        }
         self.close(To::End, now_ms);
     }
 
@@ -266,22 +302,34 @@ impl Session {
         self.pump(now_ms);
     }
 
-    /// Feeds on after [`Event::Held`].
+    /// Feeds on after [`Event::Held`]. With [`Settings::asks`] the caller has written
+    /// down that the job counts from [`Session::next_number`].
     pub fn release(&mut self, now_ms: u64) {
         if self.feed == Feed::Held {
             self.feed = Feed::Open;
+            self.job_begun = true;
+            self.unnumbered = false;
             self.pump(now_ms);
         }
     }
 
     /// Sends lines that are not the job's while it is held, in order and within the
     /// window; [`Event::OwnDone`] is told once all were accepted. Ignored otherwise.
+    ///
+    /// Their numbers are not asked for ([`Session::asks`]): with it, the caller has written
+    /// down before that numbers say nothing of the job.
     pub fn run_own<'a>(&mut self, lines: impl IntoIterator<Item = &'a str>, now_ms: u64) {
         if self.feed == Feed::Held {
             self.own.extend(lines.into_iter().map(|line| line.as_bytes().to_vec()));
             self.own_running = true;
             self.pump(now_ms);
         }
+    }
+
+    /// Whether nothing of the job is in flight after [`Session::hold`], so that
+    /// [`Session::run_own`] takes lines.
+    pub fn is_held(&self) -> bool {
+        self.phase == Phase::Job && self.feed == Feed::Held
     }
 
     /// The number that the next new line gets on the wire.
@@ -294,98 +342,6 @@ impl Session {
         self.fail(Failure::Source { job_line, reason }, now_ms);
         self.pump(now_ms);
     }
-
-    /// The user wants the job to end: no more is fed, what the printer has is
-    /// awaited, the cancel macro follows.
-    pub fn cancel(&mut self, now_ms: u64) {
-        if self.ending.is_some() || self.is_over() {
-            return;
-        }
-        self.ending = Some(Ending::Cancelled);
-        if !self.touched {
-            self.end_early(Safety::Untouched);
-            return;
-        }
-        self.tell(Event::Stopping(Ending::Cancelled));
-        self.pending.full = false;
-        // What the printer asked for again it shall not get.
-        self.window.truncate();
-        self.phase =
-            Phase::WindDown { until_ms: now_ms + WIND_DOWN_MS, interrupt: self.printer.emergency_parser };
-        self.pump(now_ms);
-    }
-
-    /// The port is gone: nothing can be sent any more.
-    pub fn port_lost(&mut self, reason: String) {
-        if self.is_over() {
-            return;
-        }
-        if self.ending.is_none() {
-            self.ending = Some(Ending::Failed(Failure::PortLost { reason }));
-        }
-        self.end_early(match self.touched {
-            true => Safety::Unknown,
-            false => Safety::Untouched,
-        });
-    }
-
-    /// What the session wants leave for; it sends nothing new until
-    /// [`Session::allow`].
-    pub fn asks(&self) -> Option<Ask> {
-        None
-    }
-
-    /// Leave for what [`Session::asks`] said.
-    pub fn allow(&mut self, _now_ms: u64) {}
-
-    /// A session with a printer that may be in mid-job: nothing is said that would
-    /// change its count or its state. Tells [`Event::Found`], then waits for
-    /// [`Session::go_on`] or [`Session::begin_anew`].
-    pub fn take_over(settings: Settings, now_ms: u64) -> Self {
-        Self::new(settings, now_ms)
-    }
-
-    /// After [`Found::Counting`]: both sides count on from `last`. What the window
-    /// still holds beyond it is sent again; the session is then in the job, open to
-    /// be fed (or held, if it was). `false`, and nothing changed, when lines
-    /// between what was acknowledged and `last` are not known to have been sent.
-    pub fn go_on(&mut self, _last: u32, _now_ms: u64) -> bool {
-        false
-    }
-
-    /// After [`Event::Found`]: the printer is told to count from 0, as in a new
-    /// session; [`Event::Connected`] follows.
-    pub fn begin_anew(&mut self, _now_ms: u64) {}
-
-    /// The port is gone. Where [`Settings::waits_for_link`] is set, [`Event::LinkLost`] is
-    /// told and all waits; [`Session::link_back`] leads to [`Event::Found`].
-    pub fn link_lost(&mut self, reason: String) {
-        self.port_lost(reason);
-    }
-
-    /// The port was opened again.
-    pub fn link_back(&mut self, _now_ms: u64) {}
-
-    /// M112, ahead of all else and whatever the state: [`Session::output`] begins with
-    /// it, and what was to be sent before is dropped. Where the caller must reset
-    /// the board, [`Session::wants_hard_stop`] says so; [`Event::EmergencyStopped`]
-    /// and the end follow.
-    pub fn emergency_stop(&mut self, now_ms: u64) {
-        self.cancel(now_ms);
-    }
-
-    /// M112 has had no effect for 1 s: the caller resets the board and calls
-    /// [`Session::hard_stopped`].
-    pub fn wants_hard_stop(&self) -> bool {
-        false
-    }
-
-    /// The board was reset, or cannot be.
-    pub fn hard_stopped(&mut self, _done: bool, _now_ms: u64) {}
-
-    /// A command of a person, to be sent at once: beside the job, unnumbered where the firmware
-    /// reads it ahead of its queue (M108, M876), else as a line of our own.
-    pub fn command(&mut self, _command: &str, _now_ms: u64) {}
 
     // ---- what goes out ----
 
@@ -401,6 +357,16 @@ impl Session {
             self.out.clear();
             self.out_at = 0;
         }
+        if len > 0 {
+            self.flush = false;
+        }
+    }
+
+    /// Whether what the system has taken but not yet sent is to be dropped (`tcflush`)
+    /// before [`Session::output`] is written: it would go out ahead of M112. True from
+    /// [`Session::emergency_stop`] until something is written.
+    pub fn wants_flush(&self) -> bool {
+        self.flush
     }
 
     /// The oldest event that was not fetched.
@@ -422,124 +388,33 @@ impl Session {
     /// something else comes.
     pub fn deadline(&self) -> Option<u64> {
         let phase = match self.phase {
-            Phase::Ended => return None,
+            Phase::Ended | Phase::Lost { .. } => return None,
+            Phase::Stopping(stop) => return stop.deadline(),
+            Phase::Search(search) => search.deadline(),
             Phase::Boot { speak_ms, .. } => Some(speak_ms),
             Phase::Numbering { retry_ms, .. } => Some(retry_ms),
             Phase::WindDown { until_ms, .. } | Phase::Safe { until_ms, .. } => Some(until_ms),
             Phase::Job if !self.printer.auto_report => Some(self.poll_ms),
             Phase::Identify { .. } | Phase::Job => None,
         };
-        let others = [self.answers.drain_ends_ms(), self.stall_ms()];
+        let others = [self.answers.drain_ends_ms(), self.stall_ms(), self.person.deadline()];
         others.into_iter().flatten().chain(phase).min()
     }
 
-    // ---- phases ----
-
-    /// Tells the printer to count from 0: `N0 M110 N0*125`.
-    fn number(&mut self, then: Then, tries: u32, now_ms: u64) {
-        let out_of_time = matches!(then, Then::Safe { until_ms } if now_ms >= until_ms);
-        if tries >= HANDSHAKE_TRIES || out_of_time {
-            let failure = self.answers.no_answer();
-            self.ending.get_or_insert(Ending::Failed(failure));
-            self.end_early(match self.touched {
-                true => Safety::Unknown,
-                false => Safety::Untouched,
-            });
-            return;
-        }
-        if then == Then::Identify {
-            // Someone before us may have left half a line; a line feed ends it.
-            // Empty lines are not answered.
-            self.out.push(b'\n');
-        }
-        frame(0, b"M110 N0", &mut self.out);
-        self.answers.forget_drain();
-        self.phase = Phase::Numbering { then, tries: tries + 1, retry_ms: now_ms + HANDSHAKE_TRY_MS };
-    }
-
-    /// M110 was acknowledged.
-    fn numbered(&mut self, then: Then, tries: u32, now_ms: u64) {
-        self.window.reset();
-        self.stall.progress(now_ms);
-        self.proof_tries = 0;
-        self.answers.unproved();
-        self.phase = match then {
-            Then::Identify => Phase::Identify { asked: 0 },
-            // Not before M105 has proved that M110 was understood.
-            Then::Job => Phase::Identify { asked: ASKED_ALL },
-            Then::Safe { until_ms } => Phase::Safe { next: 0, until_ms },
-        };
-        if tries > 1 {
-            // The earlier tries may be answered too; those acknowledge nothing.
-            self.answers.drain(now_ms);
-        }
-    }
-
-    /// The job cannot go on. Where the link may still work, the printer is made
-    /// safe before the end is told.
-    fn fail(&mut self, failure: Failure, now_ms: u64) {
-        if self.is_over() {
-            return;
-        }
-        if self.ending.is_some() {
-            // Already on the way out: one more failure means that it did not work.
-            match self.phase {
-                Phase::WindDown { .. } => self.make_safe(now_ms),
-                _ => self.end_early(Safety::Unknown),
-            }
-            return;
-        }
-        let ending = Ending::Failed(failure);
-        self.ending = Some(ending.clone());
-        if !self.touched {
-            self.end_early(Safety::Untouched);
-            return;
-        }
-        self.tell(Event::Stopping(ending));
-        self.make_safe(now_ms);
-    }
-
-    /// The firmware has stopped or started again by itself: heaters are off and
-    /// nothing more can be done.
-    fn fail_at_once(&mut self, failure: Failure) {
-        self.ending.get_or_insert(Ending::Failed(failure));
-        self.end_early(match self.touched {
-            true => Safety::ByFirmware,
-            false => Safety::Untouched,
-        });
-    }
-
-    /// Starts the safe sequence. Its lines are numbered from 1 again: after a
-    /// garbled resend request our count and the printer's may differ, and a line
-    /// that switches heaters off must not be dropped as a repeat.
-    fn make_safe(&mut self, now_ms: u64) {
-        self.pending.full = false;
-        let patience_ms = match self.ending {
-            Some(Ending::Cancelled) => SAFE_AFTER_CANCEL_MS,
-            _ => SAFE_AFTER_FAILURE_MS,
-        };
-        let until_ms = now_ms + patience_ms;
-        self.number(Then::Safe { until_ms }, 0, now_ms);
-    }
-
-    fn end_early(&mut self, safety: Safety) {
-        let ending = self.ending.clone().unwrap_or(Ending::Cancelled);
-        self.end(Outcome::Stopped { ending, safety });
-    }
-
-    fn end(&mut self, outcome: Outcome) {
-        if !self.is_over() {
-            self.phase = Phase::Ended;
-            self.out.clear();
-            self.out_at = 0;
-            self.tell(Event::Ended(outcome));
-        }
-    }
-
     fn tell(&mut self, event: Event) {
+        // What the session itself brings about is told in any case; what the printer
+        // says, only to someone who listens.
         let must = matches!(
             event,
-            Event::Held | Event::OwnDone | Event::Connected { .. } | Event::Stopping(_) | Event::Ended(_)
+            Event::Held
+                | Event::OwnDone
+                | Event::Connected { .. }
+                | Event::Rejoined { .. }
+                | Event::Found(_)
+                | Event::LinkLost { .. }
+                | Event::EmergencyStopped { .. }
+                | Event::Stopping(_)
+                | Event::Ended(_)
         );
         if must || self.events.len() < MAX_EVENTS {
             self.events.push_back(event);

@@ -25,6 +25,10 @@ pub const HISTORY_LINES: usize = 256;
 /// the longest lines of Marlin, with room to spare.
 pub const HISTORY_BYTES: usize = 16 * 1024;
 
+/// Line numbers end here: firmware counts in 32 bits with a sign, and a number that
+/// no line can have is needed to ask for the last one.
+pub const MAX_NUMBER: u32 = 1_999_999_999;
+
 /// How much may be unacknowledged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limit {
@@ -105,6 +109,24 @@ impl Window {
         (self.history_bytes, self.in_flight_bytes) = (0, 0);
     }
 
+    /// Forgets every line and counts on from `next`: the printer has accepted the lines
+    /// before it from someone else. `next` must be at most [`MAX_NUMBER`].
+    pub fn count_from(&mut self, next: u32) {
+        self.reset();
+        (self.first, self.acked, self.cursor) = (next, next, next);
+    }
+
+    /// The printer has accepted every line before `next`, and none from there on: the
+    /// former are acknowledged, the latter still to send. `false`, and nothing
+    /// changed, where the lines from `next` on are not all kept.
+    pub fn settle(&mut self, next: u32) -> bool {
+        if !self.rewind(next) {
+            return false;
+        }
+        while self.ack_one() {}
+        true
+    }
+
     /// Number of the oldest line that can be sent again.
     pub fn first(&self) -> u32 {
         self.first
@@ -176,7 +198,7 @@ impl Window {
     /// `false`, and nothing changed, when the line numbers are used up.
     pub fn push(&mut self, command: &[u8], tag: Tag) -> bool {
         let n = self.next();
-        if n == u32::MAX {
+        if n > MAX_NUMBER {
             return false;
         }
         self.forget_old();

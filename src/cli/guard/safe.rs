@@ -1,11 +1,12 @@
 //! Making a printer safe whose host is dead.
-use crate::cli::print::{Job, Place, letters, runtime, settings};
+use crate::cli::print::{Job, letters, runtime, settings};
 use crate::job::disk::{JobId, Store, StoreError};
 use crate::job::host::{Begin, Host, HostEvent};
 use crate::job::record::{Log, Record};
 use crate::job::run::{End, Watcher, Wires, run};
 use crate::job::scribe::Scribe;
-use crate::printer::port::{OpenMode, Port};
+use crate::printer::find::{Places, Rate, Wanted, connect};
+use crate::printer::port::OpenMode;
 use crate::printer::session::{Outcome, Safety};
 use crate::printer::source::{JobLine, Source, SourceError};
 use crate::profile::load_printer;
@@ -44,13 +45,15 @@ pub(super) fn make_safe(store: &Store, id: JobId) -> anyhow::Result<Done> {
     let profile = load_printer(&log.accepted.profile).or_else(|_| load_printer(FALLBACK_PROFILE))?;
     runtime()?.block_on(async {
         // First the port: a printer that is not there costs no write to the journal.
-        let port = Port::open_as(device, *baud, OpenMode::TakeOver).await?;
+        let places = Places::default();
+        let wanted: Wanted = device.parse()?;
+        let connection = connect(&wanted, Rate::Given(*baud), OpenMode::TakeOver, 0, &places).await?;
         let started = Instant::now();
         let mut held = match store.hold_job(id) {
             Err(StoreError::Busy(_)) => return Ok(Done::NotNeeded),
             held => held?,
         };
-        if !held.journal.log().state.is_active() {
+        if !super::orphaned(held.journal.log()) {
             return Ok(Done::NotNeeded);
         }
         let words = "its host died and nobody resumed it in time: the guardian switched the heaters off";
@@ -59,11 +62,10 @@ pub(super) fn make_safe(store: &Store, id: JobId) -> anyhow::Result<Done> {
         let begin = Begin::MakeSafe { log: Box::new(held.journal.log().clone()) };
         let scribe = Scribe::start(held, letters.post.clone())?;
         let mut host = Host::new(settings::of(&profile, false), lines(&log), &begin, 0);
-        let place = Place { device: device.clone(), baud: *baud };
         let wires = Wires {
-            port,
+            port: connection.port,
             hard_stop: profile.serial.hard_stop() == HardStop::Dtr,
-            reopen: &place,
+            identity: connection.identity,
             scribe: Some(scribe),
             mail: letters.mail,
             watcher: &mut Nobody,

@@ -1,5 +1,5 @@
 //! Where a job that was broken off stands, and the way back into it, in plain words.
-use super::escape::printable;
+use crate::cli::escape::printable;
 use crate::job::recover::{Case, Plan};
 
 /// What a person is told of a job that was broken off.

@@ -4,6 +4,7 @@ use super::job::now_unix_s;
 use crate::job::disk::{Entry, JobId, Store, StoreError, folder};
 use crate::job::record::{Log, Numbers, Record};
 use crate::job::state::State;
+use crate::printer::find::{Places, Wanted, scan};
 use anyhow::{Context, bail};
 use std::path::Path;
 
@@ -20,6 +21,21 @@ pub(super) fn lasting_name(profile: &str) -> anyhow::Result<String> {
     }
     let path = std::fs::canonicalize(profile).with_context(|| profile.to_owned())?;
     Ok(path.to_string_lossy().into_owned())
+}
+
+/// What finds a printer again that was found at `path`: a link as it was given, else its
+/// USB number, else the path.
+pub(in crate::cli) fn lasting_port(wanted: &Wanted, path: &str) -> String {
+    let link = Path::new(path).is_symlink() || matches!(wanted, Wanted::Usb(_));
+    let all = scan(&Places::default());
+    match all.iter().find(|port| port.path == path) {
+        Some(port) if !link => port.handle(&all),
+        _ => match wanted {
+            Wanted::Path(_) => std::path::absolute(path)
+                .map_or_else(|_| path.to_owned(), |p| p.to_string_lossy().into_owned()),
+            Wanted::Usb(_) | Wanted::Auto => wanted.to_string(),
+        },
+    }
 }
 
 impl Folder {
@@ -73,7 +89,8 @@ impl Folder {
 fn standing(entry: &Entry, port: &str) -> Option<bool> {
     let log = &entry.picture.as_ref().ok()?.log;
     let (there, _, _) = log.opened.as_ref()?;
-    let open = !log.state.is_over() && log.state != State::Accepted && same_port(there, port);
+    let waits = log.state == State::Accepted && log.starts == 0;
+    let open = !log.state.is_over() && !waits && same_port(there, port);
     open.then(|| begun(log))
 }
 

@@ -24,6 +24,7 @@ fn letter(key: u8) -> Option<Mail> {
         b'p' | b'P' => Mail::Ask(Request::Pause),
         b'r' | b'R' => Mail::Ask(Request::Resume),
         b'c' | b'C' => Mail::Ask(Request::Cancel),
+        b'y' | b'Y' => Mail::Ask(Request::Confirm),
         b'!' => Mail::Ask(Request::EmergencyStop),
         b'0'..=b'9' => Mail::Ask(Request::Answer(key - b'0')),
         b'h' | b'H' | b'?' => Mail::Tell(HELP.to_owned()),
@@ -32,7 +33,7 @@ fn letter(key: u8) -> Option<Mail> {
 }
 
 /// The terminal as it was; dropped, it is that again.
-pub(super) struct Keys {
+pub(in crate::cli) struct Keys {
     before: Termios,
 }
 
@@ -98,6 +99,7 @@ mod tests {
         check(b'r', Some(Request::Resume));
         check(b'c', Some(Request::Cancel));
         check(b'!', Some(Request::EmergencyStop));
+        check(b'y', Some(Request::Confirm));
         check(b'7', Some(Request::Answer(7)));
         // The same key without Shift, and what a cat would press.
         for nothing in [b'1' - 1, b' ', b'\n', b'q', 0x1b, 0xff] {

@@ -18,6 +18,14 @@ pub(super) fn max_line(profile: &Profile) -> Option<usize> {
     profile.serial.max_line.map(size)
 }
 
+/// How long a board may be silent after its port was opened.
+pub(in crate::cli) fn boot_wait_ms(profile: &Profile) -> u64 {
+    match profile.serial.dtr_reset {
+        true => DEFAULT_BOOT_WAIT_MS,
+        false => NO_RESET_WAIT_MS,
+    }
+}
+
 fn size(n: u32) -> usize {
     usize::try_from(n).unwrap_or(usize::MAX)
 }
@@ -34,10 +42,7 @@ pub(in crate::cli) fn of(profile: &Profile, around: bool) -> HostSettings {
                 Window::Lines(lines) => Limit::Lines(size(lines)),
             },
             max_line: max_line(profile),
-            boot_wait_ms: match serial.dtr_reset {
-                true => DEFAULT_BOOT_WAIT_MS,
-                false => NO_RESET_WAIT_MS,
-            },
+            boot_wait_ms: boot_wait_ms(profile),
             asks: true,
             waits_for_link: true,
             cancel_macro: lines(&profile.macros.cancel),

@@ -3,21 +3,23 @@
 //! Takes the session's events and the lines that are acknowledged. All goes to
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
+use super::Person;
 use super::cases;
-use super::escape::printable;
 use super::marks::{Facts, Marks};
-use crate::job::host::HostEvent;
-use crate::job::run::Watcher;
-use crate::job::state::State;
+use super::news;
+use crate::cli::escape::printable;
+use crate::job::host::{HostEvent, Request};
+use crate::job::recover::Plan;
+use crate::job::run::{Mail, Watcher};
 use crate::printer::job_file::Checked;
-use crate::printer::reply::Busy;
-use crate::printer::session::{Ending, Event};
+use crate::printer::session::Event;
 use crate::printer::temperature::{Reading, Temperatures};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
+use tokio::sync::mpsc;
 
 /// The bar is drawn so often; faster cannot be read.
 const BAR_INTERVAL: Duration = Duration::from_millis(200);
@@ -50,7 +52,8 @@ pub(super) struct Show {
     shown: Instant,
     resends: u64,
     probes: u64,
-    last_busy: Option<Busy>,
+    person: Person,
+    post: Option<mpsc::Sender<Mail>>,
     /// First words of the commands that the printer did not know.
     unknown: Vec<String>,
 }
@@ -86,7 +89,8 @@ impl Show {
             shown: now,
             resends: 0,
             probes: 0,
-            last_busy: None,
+            person: Person::Away,
+            post: None,
             unknown: Vec::new(),
         };
         if checked.shortened > 0 {
@@ -94,6 +98,12 @@ impl Show {
             show.say(&format!("{n} messages (M117, M118) are too long and will be shortened"));
         }
         show
+    }
+
+    /// Who answers when the way back into a job is planned, and where the word goes.
+    pub(super) fn answer_plans(&mut self, person: Person, post: mpsc::Sender<Mail>) {
+        self.person = person;
+        self.post = Some(post);
     }
 
     /// What the user may do, told where a person reads along.
@@ -209,34 +219,11 @@ impl Show {
     }
 }
 
-/// A state in words, where it is news to the user. How a job ends is the verdict's matter.
-fn news(state: State) -> Option<&'static str> {
-    Some(match state {
-        State::Pausing => "pausing: waiting for what the printer has, then it is parked",
-        State::Paused => "paused: parked, heaters as they were; waiting for you",
-        State::Resuming => "resuming: going back to where it was",
-        State::Asking => "the printer waits for you: resume when it is done",
-        State::Lost => "the connection is lost: waiting for the printer's port to come back",
-        State::TakingOver => "connected again: asking the printer where it is",
-        State::Recovering => "going back to where the print broke off",
-        State::Ending => "the last line is sent: waiting for the last moves",
-        State::Interrupted => "broken off; the part is on the bed",
-        State::Printing
-        | State::Accepted
-        | State::Starting
-        | State::Cancelling
-        | State::Failing
-        | State::Finished
-        | State::Cancelled
-        | State::Failed => return None,
-    })
-}
-
 impl Watcher for Show {
     fn event(&mut self, event: &HostEvent) {
         match event {
             HostEvent::State(state) => {
-                if let Some(words) = news(*state) {
+                if let Some(words) = news::state(*state) {
                     self.say(words);
                 }
             }
@@ -246,6 +233,11 @@ impl Watcher for Show {
             HostEvent::Case(case) => self.say(&cases::words(case)),
             HostEvent::Planned => {}
         }
+    }
+
+    fn planned(&mut self, plan: &Plan) {
+        self.say(&cases::plan(plan));
+        self.ask();
     }
 
     fn acknowledged(&mut self, job_line: u64) {
@@ -260,20 +252,33 @@ impl Watcher for Show {
 }
 
 impl Show {
+    /// Nothing moves before a person has said that nothing is in the way.
+    fn ask(&mut self) {
+        match self.person {
+            Person::Sure => {
+                let sent = self.post.as_ref().map(|post| post.try_send(Mail::Ask(Request::Confirm)));
+                if !matches!(sent, Some(Ok(()))) {
+                    self.say("the word that part and nozzle are clear got lost: say it again");
+                }
+            }
+            Person::Asked | Person::Away => self.say(
+                "is the part still in its place, and nothing in the way of the nozzle? Then press y (or \
+                 write `confirm`); Ctrl-C leaves all as it is",
+            ),
+        }
+    }
+
+    fn connected(&mut self, firmware: Option<&str>) {
+        self.connected = true;
+        let name = firmware.unwrap_or("a printer that does not say its name");
+        self.say(&format!("connected to {}", printable(name)));
+    }
+
     fn session(&mut self, event: &Event) {
         match event {
-            Event::Connected { firmware, .. } => {
-                self.connected = true;
-                let name = firmware.as_deref().unwrap_or("a printer that does not say its name");
-                self.say(&format!("connected to {}", printable(name)));
-            }
+            Event::Connected { firmware, .. } => self.connected(firmware.as_deref()),
             Event::Temperatures(t) => self.temperatures = Some(*t),
-            Event::Busy(busy) => {
-                if self.last_busy != Some(*busy) && *busy != Busy::Processing {
-                    self.say("the printer waits for you: see its display");
-                }
-                self.last_busy = Some(*busy);
-            }
+            Event::Busy(_) => {}
             Event::Resend { n } => {
                 self.resends += 1;
                 if self.verbose {
@@ -290,7 +295,7 @@ impl Show {
                 "warning: {resends} resends in {lines} lines; check the cable, its shielding and \
                  the baud rate"
             )),
-            Event::Action(text) => self.say(&format!("printer: action {}", printable(text))),
+            Event::Action(action) => self.say(&news::action(action)),
             Event::UnknownCommand(text) => self.unknown(text),
             Event::PrinterError(text) => {
                 // Refused lines are part of a resend.
@@ -306,23 +311,13 @@ impl Show {
             Event::Skipped { job_line } => {
                 self.say(&format!("line {job_line} of the file sets the line number (M110) and was left out"))
             }
-            Event::Stopping(ending) => self.say(&match ending {
-                Ending::Cancelled => "cancelling: waiting for what the printer has, then the \
-                                      cancel macro; Ctrl-C again quits at once and leaves \
-                                      heaters as they are"
-                    .to_owned(),
-                Ending::Failed(why) => {
-                    let why = printable(&why.to_string());
-                    format!("stopping: {why}; sending the cancel macro")
-                }
-            }),
-            Event::Position(_)
-            | Event::Held
-            | Event::OwnDone
-            | Event::LinkLost { .. }
-            | Event::Found(_)
-            | Event::EmergencyStopped { .. }
-            | Event::Ended(_) => {}
+            Event::Stopping(ending) => self.say(&news::stopping(ending)),
+            Event::Prompt(prompt) => self.say(&news::prompt(prompt.as_ref())),
+            Event::Waiting(waiting) => self.say(news::waiting(*waiting)),
+            Event::EmergencyStopped { by } => self.say(news::stopped(*by)),
+            Event::LinkLost { reason } => self.say(&printable(reason)),
+            Event::Rejoined { firmware } => self.connected(firmware.as_deref()),
+            Event::Position(_) | Event::Held | Event::OwnDone | Event::Found(_) | Event::Ended(_) => {}
         }
         self.refresh(self.interval());
     }

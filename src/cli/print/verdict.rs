@@ -1,6 +1,6 @@
 //! The last words on a job.
-use super::escape::printable;
 use super::show::Show;
+use crate::cli::escape::printable;
 use crate::job::disk::JobId;
 use crate::job::run::End;
 use crate::job::state::State;
@@ -39,9 +39,13 @@ pub(super) fn verdict(
         End::Over(Outcome::Stopped { ending, safety }) => {
             let why = match ending {
                 Ending::Cancelled => "cancelled".to_owned(),
+                Ending::EmergencyStop => "emergency stop".to_owned(),
                 Ending::Failed(failure) => printable(&failure.to_string()),
             };
             bail!("{name}: {why}; {}{}", after(*safety), next(id, state))
+        }
+        End::Quit if state == State::Interrupted => {
+            bail!("{name}: nothing was done to the printer{}", next(id, state))
         }
         End::Quit => bail!(
             "{name}: quit at once; the printer goes on with what it has, and HEATERS AND MOTORS \

@@ -8,7 +8,7 @@ use tokio::sync::mpsc;
 const MAX_WORDS_BYTES: usize = 4096;
 
 /// For who wrote something else.
-pub(super) const HELP: &str = "pause, resume, cancel, stop (emergency), answer N, send GCODE";
+pub(super) const HELP: &str = "pause, resume, confirm, cancel, stop (emergency), answer N, send GCODE";
 
 /// What a line asks for; `None` for nothing that is known.
 fn request(line: &str) -> Option<Request> {
@@ -18,6 +18,7 @@ fn request(line: &str) -> Option<Request> {
     match (word, rest) {
         ("pause", "") => Some(Request::Pause),
         ("resume", "") => Some(Request::Resume),
+        ("confirm", "") => Some(Request::Confirm),
         ("cancel", "") => Some(Request::Cancel),
         ("stop", "") => Some(Request::EmergencyStop),
         ("answer", n) => n.parse().ok().map(Request::Answer),

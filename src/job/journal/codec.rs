@@ -5,18 +5,12 @@
 //! little-endian; `docs/journal.md` has each of them byte by byte. Decoding is total:
 //! any bytes give a value or `None`, and no count is trusted with more memory than the
 //! bytes that follow it. Knows no frames, no checksums and no medium.
-use crate::job::record::{Accepted, Checkpoint, Log, MAX_OWN, Numbers, Record};
+use crate::job::digest::MAX_CHUNKS;
+use crate::job::record::{Accepted, Checkpoint, Log, MAX_OWN, MAX_TEXT_BYTES, Numbers, Record, kept};
 use crate::job::state::State;
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
 use std::path::PathBuf;
-
-/// Longest text kept: PATH_MAX of Linux, and far more than a profile's or port's name
-/// has. A longer one is cut, but for a path, which must be whole.
-pub const MAX_TEXT_BYTES: usize = 4096;
-
-/// Digests of chunks kept, see `digest`.
-pub const MAX_CHUNKS: usize = 4096;
 
 /// A record's kind is its first byte. Never given to another kind.
 mod kind {
@@ -104,11 +98,7 @@ impl Out<'_> {
         self.0.extend_from_slice(bytes);
     }
     fn text(&mut self, text: &str) {
-        let mut len = text.len().min(MAX_TEXT_BYTES);
-        while !text.is_char_boundary(len) {
-            len -= 1;
-        }
-        self.bytes(&text.as_bytes()[..len]);
+        self.bytes(kept(text).as_bytes());
     }
     fn state(&mut self, state: State) {
         self.u8(number(state));

@@ -29,7 +29,7 @@ mod tests;
 
 pub use config::{Config, Machine};
 pub use faults::Faults;
-pub use firmware::Firmware;
+pub use firmware::{Deed, Did, Firmware};
 pub use planner::{Cornering, Dynamics};
 pub use pty::{Handle, MockError, Options, spawn};
 pub use stats::Stats;

@@ -118,6 +118,11 @@ impl Planner {
         BLOCKS - 1 - self.blocks.len()
     }
 
+    /// Moves that are not made yet, the running one included.
+    pub(crate) fn planned(&self) -> usize {
+        self.blocks.len()
+    }
+
     /// When the running move ends.
     pub(crate) fn next_end_ns(&self) -> Option<u64> {
         (!self.blocks.is_empty()).then_some(self.running_end_ns)

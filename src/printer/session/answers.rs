@@ -1,7 +1,7 @@
 //! What the session makes of the printer's lines: acknowledgements, resend
 //! requests, reports.
 use super::settings::*;
-use super::{Event, Failure, Phase, Session, Then};
+use super::{Event, Failure, Phase, Session, Then, Whence};
 use crate::printer::reply::{Ack, Reply, parse};
 use crate::printer::window::Kind;
 
@@ -10,24 +10,26 @@ use crate::printer::window::Kind;
 pub(super) struct Answers {
     bytes: u64,
     understood: u64,
-    drain: Option<Drain>,
+    pub(super) drain: Option<Drain>,
     /// The `ok` that may follow a resend request acknowledges nothing.
-    swallow_ok: bool,
+    pub(super) swallow_ok: bool,
     /// The last `ok` was M105's, and nothing of the job was sent after it.
-    proved: bool,
+    pub(super) proved: bool,
     /// Line of the last resend request, and how often in a row it was asked for.
-    resend_line: u32,
-    resend_rounds: u32,
-    odd_requests: u32,
-    resends: u64,
-    warned: bool,
+    pub(super) resend_line: u32,
+    pub(super) resend_rounds: u32,
+    pub(super) odd_requests: u32,
+    pub(super) resends: u64,
+    pub(super) warned: bool,
+    /// `start`s before the handshake was through.
+    starts: u32,
 }
 
 /// A resend request came: nothing is sent until the wire is quiet.
 #[derive(Debug, Clone, Copy)]
-struct Drain {
+pub(super) struct Drain {
     /// The line asked for; `None` when the request was beyond what we have.
-    line: Option<u32>,
+    pub(super) line: Option<u32>,
     quiet_ms: u64,
     latest_ms: u64,
 }
@@ -49,7 +51,7 @@ impl Answers {
         self.drain_for(Some(0), now_ms);
     }
 
-    fn drain_for(&mut self, line: Option<u32>, now_ms: u64) {
+    pub(super) fn drain_for(&mut self, line: Option<u32>, now_ms: u64) {
         self.drain =
             Some(Drain { line, quiet_ms: now_ms + DRAIN_QUIET_MS, latest_ms: now_ms + DRAIN_MAX_MS });
     }
@@ -71,6 +73,22 @@ impl Answers {
         self.proved
     }
 
+    pub(super) fn count_start(&mut self) -> u32 {
+        self.starts += 1;
+        self.starts
+    }
+
+    pub(super) fn forget_starts(&mut self) {
+        self.starts = 0;
+    }
+
+    /// Over another connection nothing that was asked for is still awaited.
+    pub(super) fn rejoined(&mut self) {
+        self.forget_drain();
+        self.proved = false;
+        (self.resend_line, self.resend_rounds, self.odd_requests) = (0, 0, 0);
+    }
+
     pub(super) fn unproved(&mut self) {
         self.proved = false;
     }
@@ -85,6 +103,9 @@ impl Session {
         if !matches!(reply, Reply::Other(_)) {
             self.answers.understood += 1;
         }
+        if self.hear_in_search(&reply, now_ms) || self.hear_in_stop(&reply) {
+            return;
+        }
         match reply {
             Reply::Ok(ack) => self.on_ok(ack, now_ms),
             Reply::Resend(n) => self.on_resend(n, now_ms),
@@ -96,6 +117,7 @@ impl Session {
             Reply::Start => self.on_start(now_ms),
             Reply::Busy(busy) => {
                 self.on_busy(now_ms);
+                self.person.noted(busy);
                 self.tell(Event::Busy(busy));
             }
             Reply::Wait => self.on_wait(now_ms),
@@ -105,12 +127,13 @@ impl Session {
             Reply::Capability { name, present } => match name {
                 b"AUTOREPORT_TEMP" => self.printer.auto_report = present,
                 b"EMERGENCY_PARSER" => self.printer.emergency_parser = present,
+                b"PROMPT_SUPPORT" => self.printer.prompts = present,
                 _ => {}
             },
-            Reply::Action(action) => self.tell(Event::Action(lossy(action))),
+            Reply::Action(action) => self.on_action(action),
             Reply::UnknownCommand(text) => self.tell(Event::UnknownCommand(lossy(text))),
             Reply::Error(text) => self.tell(Event::PrinterError(lossy(text))),
-            Reply::Note(text) | Reply::Other(text) => self.tell(Event::Note(lossy(text))),
+            Reply::Note(text) | Reply::Other(text) => self.on_note(text),
         }
         if let Phase::Boot { speak_ms, latest_ms } = &mut self.phase {
             // While the printer still prints its settings, it would not listen.
@@ -132,6 +155,9 @@ impl Session {
         let bare = ack.line.is_none() && ack.temperatures.is_none();
         if bare && std::mem::take(&mut self.answers.swallow_ok) {
             return;
+        }
+        if bare && self.person.takes_ok(self.window.acked()) {
+            return self.stall.progress(now_ms);
         }
         let before = self.window.acked();
         let asked = self.window.find_in_flight(Kind::AskTemperature);
@@ -161,104 +187,10 @@ impl Session {
         }
         self.stall.progress(now_ms);
         self.stall.acked(upto);
+        self.person.goes_on();
         // The `ok` of a line proves nothing, that of the next but one does.
         if upto > self.answers.resend_line.saturating_add(1) {
             self.answers.resend_rounds = 0;
-        }
-    }
-
-    /// The printer wants line `n` and what follows it again.
-    fn on_resend(&mut self, n: u32, now_ms: u64) {
-        match self.phase {
-            Phase::Boot { .. } | Phase::Ended => return,
-            Phase::Numbering { then, tries, .. } => {
-                // M110 itself was damaged, or older lines are still refused.
-                let retry_ms = now_ms + DRAIN_QUIET_MS;
-                self.phase = Phase::Numbering { then, tries, retry_ms };
-                return;
-            }
-            _ => {}
-        }
-        self.stall.progress(now_ms);
-        self.answers.swallow_ok = true;
-        self.answers.proved = false;
-        let known = n >= self.window.first() && n <= self.window.next();
-        let wanted = known.then_some(n);
-        if self.answers.drain.is_some_and(|d| d.line == wanted) {
-            // `Error:… Last Line` and `Resend`, or more lines of the same burst.
-            return;
-        }
-        self.answers.drain_for(wanted, now_ms);
-        if known {
-            self.rewind(n, now_ms);
-        } else {
-            self.odd_request(n, now_ms);
-        }
-    }
-
-    fn rewind(&mut self, n: u32, now_ms: u64) {
-        self.answers.odd_requests = 0;
-        self.window.rewind(n);
-        if n == self.window.next() {
-            // Nothing is missing (M999 asks so).
-            return;
-        }
-        self.tell(Event::Resend { n });
-        self.count_resend(n);
-        if self.answers.resend_rounds > MAX_RESENDS {
-            let text = self.window.line(n).map_or(String::new(), |l| lossy(&l));
-            let resends = self.answers.resend_rounds - 1;
-            self.fail(Failure::Resends { n, text, resends }, now_ms);
-        } else if self.ending.is_some() && matches!(self.phase, Phase::WindDown { .. }) {
-            // What was refused after a cancel is not sent again.
-            self.window.truncate();
-        }
-    }
-
-    fn count_resend(&mut self, n: u32) {
-        let answers = &mut self.answers;
-        if answers.resend_line != n {
-            (answers.resend_line, answers.resend_rounds) = (n, 0);
-        }
-        answers.resend_rounds += 1;
-        answers.resends += 1;
-        let (resends, lines) = (answers.resends, self.lines_sent);
-        if !answers.warned && lines >= RESEND_WARNING_LINES && resends * 100 > lines * RESEND_WARNING_PERCENT
-        {
-            answers.warned = true;
-            self.tell(Event::ManyResends { resends, lines });
-        }
-    }
-
-    /// A request that cannot be met. It may be garbled: what is in flight is
-    /// lost, so a probe makes the printer ask again.
-    fn odd_request(&mut self, n: u32, now_ms: u64) {
-        self.answers.odd_requests += 1;
-        let tries = self.answers.odd_requests;
-        match self.phase {
-            // M110 did not arrive although something was acknowledged; that it is
-            // tried only so often, `number` sees to.
-            Phase::Identify { .. } if self.touched => self.number(Then::Job, tries, now_ms),
-            Phase::Identify { .. } => self.number(Then::Identify, tries, now_ms),
-            Phase::Safe { until_ms, .. } => self.number(Then::Safe { until_ms }, tries, now_ms),
-            _ if tries >= MAX_ODD_REQUESTS => {
-                let (first, last) = (self.window.first(), self.window.next() - 1);
-                self.fail(Failure::OddRequest { n, first, last }, now_ms);
-            }
-            _ => {}
-        }
-    }
-
-    /// Sends again once the stale answers are through.
-    pub(super) fn end_drain(&mut self, now_ms: u64) {
-        if self.answers.drain_ends_ms().is_none_or(|at| now_ms < at) {
-            return;
-        }
-        let odd = self.answers.drain.take().is_some_and(|d| d.line.is_none());
-        self.answers.swallow_ok = false;
-        self.stall.progress(now_ms);
-        if odd {
-            self.probe(now_ms);
         }
     }
 
@@ -274,17 +206,10 @@ impl Session {
 
     fn on_start(&mut self, now_ms: u64) {
         match self.phase {
-            Phase::Boot { latest_ms, .. } => {
-                let speak_ms = now_ms + BOOT_QUIET_MS;
-                self.phase = Phase::Boot { speak_ms, latest_ms: latest_ms.max(speak_ms) };
-            }
             // It boots while we ask: what was sent before is lost.
-            Phase::Numbering { then: Then::Identify, .. } | Phase::Identify { .. } if !self.touched => {
-                self.window.reset();
-                self.answers.forget_drain();
-                self.phase =
-                    Phase::Boot { speak_ms: now_ms + BOOT_QUIET_MS, latest_ms: now_ms + BOOT_MAX_MS };
-            }
+            Phase::Boot { .. }
+            | Phase::Numbering { then: Then::Identify, .. }
+            | Phase::Identify { whence: Whence::Anew, .. } => self.boots(now_ms),
             _ => {
                 let job_line = self.job_acked;
                 self.fail_at_once(Failure::Reset { job_line });
@@ -309,6 +234,6 @@ impl Session {
 }
 
 /// The printer's bytes as text; what is no UTF-8 becomes a replacement mark.
-fn lossy(bytes: &[u8]) -> String {
+pub(super) fn lossy(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }

@@ -1,6 +1,7 @@
 //! What a session tells: events on the way and how the job ended.
 //!
 //! Texts of the printer come unescaped and must be escaped before they are shown.
+use crate::printer::action::{Action, Prompt};
 use crate::printer::reply::{Busy, Position};
 use crate::printer::temperature::Temperatures;
 use thiserror::Error;
@@ -40,8 +41,14 @@ pub enum Event {
         /// Lines sent so far.
         lines: u64,
     },
-    /// An action command: what follows `//action:`.
-    Action(String),
+    /// An action command, or a note that says the same.
+    Action(Action),
+    /// The printer asks something; `None`: it does no more. The answer is
+    /// [`answer`](super::Session::answer).
+    Prompt(Option<Prompt>),
+    /// The printer waits for a person (M0, M600, run-out); `None`: it goes on.
+    /// M108 or the answer to its prompt ends the wait.
+    Waiting(Option<Waiting>),
     /// The printer does not know a command.
     UnknownCommand(String),
     /// An error that the printer survives.
@@ -64,8 +71,15 @@ pub enum Event {
         /// What the system said.
         reason: String,
     },
-    /// What a printer that may be in mid-job was found to be.
+    /// What a printer that may be in mid-job was found to be. Told again if it starts
+    /// anew before the answer.
     Found(Found),
+    /// After [`go_on`](super::Session::go_on): both sides are proved to count alike, and
+    /// the job goes on (or is held, if it was).
+    Rejoined {
+        /// What the printer calls its firmware.
+        firmware: Option<String>,
+    },
     /// An emergency stop is over, with or without effect.
     EmergencyStopped {
         /// What stopped the printer; `None`: nothing did.
@@ -73,6 +87,17 @@ pub enum Event {
     },
     /// All is over; nothing follows.
     Ended(Outcome),
+}
+
+/// What the printer waits for a person to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Waiting {
+    /// A command that waits for a person (M0, M1, M600…) is at work.
+    Command,
+    /// `busy: paused for user`.
+    User,
+    /// `busy: paused for input`.
+    Input,
 }
 
 /// What a printer that may be in mid-job says of itself.
@@ -94,7 +119,7 @@ pub enum Found {
 pub enum StoppedBy {
     /// The firmware obeyed M112.
     Firmware,
-    /// The board was reset (DTR).
+    /// The board was reset (DTR) and said that it started anew.
     Reset,
 }
 
@@ -105,6 +130,8 @@ pub enum Ending {
     Cancelled,
     /// It could not go on.
     Failed(Failure),
+    /// The user wanted an emergency stop.
+    EmergencyStop,
 }
 
 /// How the job ended.
@@ -156,6 +183,15 @@ pub enum Failure {
     Reset {
         /// Last line of the file that was acknowledged.
         job_line: u64,
+    },
+    /// `start` came again and again before the job.
+    #[error(
+        "the printer starts again and again ({starts} times): check its power supply, and whether \
+         its firmware runs without a host"
+    )]
+    BootLoop {
+        /// How often.
+        starts: u32,
     },
     /// The firmware gave up.
     #[error("the printer halted: {text}")]

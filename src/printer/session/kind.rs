@@ -29,6 +29,17 @@ pub(super) fn sets_line_number(command: &[u8]) -> bool {
     split_word(command) == Some((b'M', 110))
 }
 
+/// Whether an emergency parser reads this ahead of the queue: M108 (go on), M410 (stop
+/// moving), M876 (an answer).
+pub(super) fn is_urgent(command: &[u8]) -> bool {
+    matches!(split_word(command), Some((b'M', 108 | 410 | 876)))
+}
+
+/// Whether this is M112.
+pub(super) fn stops(command: &[u8]) -> bool {
+    split_word(command) == Some((b'M', 112))
+}
+
 /// `G28 X` → (`G`, 28). A number past 9999 is no code.
 fn split_word(command: &[u8]) -> Option<(u8, u16)> {
     let (letter, rest) = command.split_first()?;

@@ -1,7 +1,8 @@
 //! What goes out, in each phase: our own questions, the job, the safe sequence.
+use super::asks::Asked;
 use super::kind::kind_of;
 use super::settings::*;
-use super::{ASKED_ALL, Event, Failure, Feed, Outcome, Phase, Safety, Session, Then, To};
+use super::{Event, Failure, Feed, Outcome, Phase, Safety, Session, Then, To, Whence};
 use crate::printer::window::{Kind, Tag};
 use outrigger_gcode::checksum::{fit, framed_len, sendable};
 
@@ -13,16 +14,21 @@ fn own(kind: Kind) -> Tag {
 impl Session {
     /// Sends all that may go now.
     pub(super) fn pump(&mut self, now_ms: u64) {
-        if self.answers.is_draining() {
-            return;
+        if !self.answers.is_draining() {
+            self.send_all(now_ms);
         }
+        self.watch_person(now_ms);
+    }
+
+    fn send_all(&mut self, now_ms: u64) {
         loop {
             while self.send_next(false, now_ms) {}
-            if !self.window.all_sent() {
+            // No new line while one waits for leave.
+            if !self.window.all_sent() || self.asked.is_some() {
                 return;
             }
             let more = match self.phase {
-                Phase::Identify { asked } => self.identify(asked, now_ms),
+                Phase::Identify { asked, whence } => self.identify(asked, whence, now_ms),
                 Phase::Job => self.push_job(now_ms),
                 Phase::WindDown { interrupt, .. } => self.wind_down(interrupt, now_ms),
                 Phase::Safe { next, until_ms } => self.push_safe(next, until_ms),
@@ -54,33 +60,44 @@ impl Session {
         sent
     }
 
-    fn identify(&mut self, asked: u8, now_ms: u64) -> bool {
+    fn identify(&mut self, asked: bool, whence: Whence, now_ms: u64) -> bool {
         if !self.window.is_idle() {
             return false;
         }
-        let report = format!("M155 S{AUTO_REPORT_S}");
-        let (command, step) = match asked {
-            0 => ("M115", 1),
-            1 if self.printer.auto_report => (report.as_str(), ASKED_ALL),
-            // An `ok` of before we came may have been taken for one of ours: the
-            // job begins in step.
-            _ if self.prove() => return true,
-            _ => {
-                self.connected();
-                self.poll_ms = now_ms;
-                return true;
-            }
-        };
-        self.phase = Phase::Identify { asked: step };
-        self.push_own(command.as_bytes(), Kind::Quick)
+        if !asked {
+            self.phase = Phase::Identify { asked: true, whence };
+            return self.push_own(b"M115", Kind::Quick);
+        }
+        // An `ok` of before we came may have been taken for M115's: what it can do may
+        // show only later.
+        if self.printer.auto_report && !std::mem::replace(&mut self.printer.asked_reports, true) {
+            return self.push_own(format!("M155 S{AUTO_REPORT_S}").as_bytes(), Kind::Quick);
+        }
+        if self.printer.prompts && !std::mem::replace(&mut self.printer.asked_prompts, true) {
+            return self.push_own(b"M876 P1", Kind::Quick);
+        }
+        // The job begins in step.
+        if !self.prove() {
+            self.connected(whence, now_ms);
+        }
+        true
     }
 
     fn push_job(&mut self, now_ms: u64) -> bool {
         if self.poll(now_ms) {
             return true;
         }
+        if matches!(self.feed, Feed::Open | Feed::Held) && !self.own_running && self.push_command() {
+            return true;
+        }
         match self.feed {
             Feed::Open => self.pending.full && self.push_pending(now_ms),
+            // Nothing was sent that could move.
+            Feed::Closing(To::Hold) if !self.touched && self.window.is_idle() && self.answers.proved() => {
+                self.feed = Feed::Held;
+                self.tell(Event::Held);
+                true
+            }
             Feed::Closing(to) => {
                 self.feed = Feed::Settling(to);
                 self.proof_tries = 0;
@@ -135,6 +152,7 @@ impl Session {
             }
             self.answers.unproved();
             self.proof_tries = 0;
+            self.touched = true;
             self.window.push(command, own(kind_of(command)));
         }
         self.own.pop_front();
@@ -168,6 +186,11 @@ impl Session {
 
     fn push_pending(&mut self, now_ms: u64) -> bool {
         let (n, job_line) = (self.window.next(), self.pending.job_line);
+        if self.unnumbered {
+            // Which line of the job the new numbers stand for is written down first.
+            self.asked = Some(Asked::Count { n });
+            return true;
+        }
         let fitted = match fit(n, &self.pending.command, self.settings.max_line) {
             Ok(command) => command,
             Err(_) if n > 1 => return self.renumber(now_ms),
@@ -187,6 +210,7 @@ impl Session {
         self.proof_tries = 0;
         self.pending.full = false;
         self.touched = true;
+        self.job_begun = true;
         true
     }
 
@@ -200,6 +224,11 @@ impl Session {
         if self.prove() {
             return true;
         }
+        if self.must_ask() {
+            self.asked = Some(Asked::Renumber);
+            return true;
+        }
+        self.unnumbered = true;
         self.number(Then::Job, 0, now_ms);
         false
     }
@@ -247,22 +276,5 @@ impl Session {
         }
         self.phase = Phase::Safe { next: next + 1, until_ms };
         true
-    }
-
-    /// Both sides count alike: the job may begin, or go on after a renumbering.
-    fn connected(&mut self) {
-        if !self.touched {
-            self.tell(Event::Connected {
-                firmware: self.printer.firmware.clone(),
-                auto_temperatures: self.printer.auto_report,
-                emergency_parser: self.printer.emergency_parser,
-            });
-        }
-        self.phase = Phase::Job;
-    }
-
-    pub(super) fn push_own(&mut self, command: &[u8], kind: Kind) -> bool {
-        self.answers.unproved();
-        self.window.push(command, own(kind))
     }
 }

@@ -34,6 +34,14 @@ impl Default for Settings {
     }
 }
 
+impl Settings {
+    /// A port was opened just now.
+    pub(super) fn boot(&self, now_ms: u64) -> super::Phase {
+        let speak_ms = now_ms + self.boot_wait_ms;
+        super::Phase::Boot { speak_ms, latest_ms: speak_ms + BOOT_MAX_MS }
+    }
+}
+
 /// Fits the receive buffer of 128 bytes that Marlin's boards have, and keeps the
 /// planner fed at 250,000 baud and 500 moves/s.
 pub const DEFAULT_WINDOW_BYTES: usize = 120;
@@ -118,6 +126,61 @@ pub(super) const SAFE_AFTER_CANCEL_MS: u64 = 120_000;
 
 /// Time for the safe sequence over a link that has just failed.
 pub(super) const SAFE_AFTER_FAILURE_MS: u64 = 20_000;
+
+/// `start`s in a row before the handshake is through: a board says it once or twice
+/// (boot loader, the opened port); more is a board that cannot stay up.
+pub(super) const MAX_STARTS: u32 = 8;
+
+/// M112 is said again at this interval until it has an effect: one wrong bit, or a
+/// receive buffer that a refused line has emptied, must not keep it from its work.
+pub(super) const STOP_REPEAT_MS: u64 = 300;
+
+/// Without an effect of M112 for so long the board is to be reset.
+pub(super) const HARD_STOP_MS: u64 = 1_000;
+
+/// A board that was reset says `start` within this time: a boot loader's 2 s, and
+/// a firmware's slow start.
+pub(super) const RESET_HEARD_MS: u64 = 5_000;
+
+/// Before a printer in mid-job is asked where it is, this is listened for at least: what
+/// lay in the system's buffers is through, and so is the `start` of a fast board.
+pub(super) const LISTEN_MS: u64 = 100;
+
+/// The number of the question that a counting firmware must refuse. Marlin
+/// counts in 32 bits with a sign; jobs never come near ([`MAX_NUMBER`](crate::printer::window::MAX_NUMBER)).
+pub(super) const WRONG_NUMBER: u32 = 2_000_000_000;
+
+/// After a refusal, quiet for so long: a second one (of a line that was cut) may follow.
+pub(super) const REFUSED_QUIET_MS: u64 = 50;
+
+/// Statements of the last line that must agree, one after the other: a wrong bit
+/// in one would cost lines. One refusal makes two (`Last Line:`, `Resend:`).
+pub(super) const AGREEING: u32 = 2;
+
+/// Unanswered questions of a printer that says nothing at all (3, 6, 12, 24 and 48 s).
+pub(super) const SILENT_QUESTIONS: u32 = 5;
+
+/// Longest time between two questions. Each takes 22 bytes of the receive buffer of a
+/// printer that is too busy to read.
+pub(super) const QUESTION_MAX_MS: u64 = 48_000;
+
+/// Questions that a printer acknowledged without a refusal, until it is taken for one
+/// that does not count lines (Klipper).
+pub(super) const UNREFUSED_QUESTIONS: u32 = 3;
+
+/// Questions at most: noise that makes each answer another one must not go on for ever.
+pub(super) const MAX_QUESTIONS: u32 = 60;
+
+/// Commands of a person that wait for their turn; more come from no keyboard.
+pub(super) const MAX_COMMANDS: usize = 16;
+
+/// Unnumbered commands whose `ok` is awaited; that of a further one may acknowledge
+/// a line too early.
+pub(super) const MAX_STRAYS: usize = 8;
+
+/// A command that waits for a person has begun to wait if it is not done after this:
+/// some firmware acknowledges M0 at once.
+pub(super) const WAITING_AFTER_MS: u64 = 1_000;
 
 /// Events kept for a driver that does not fetch them; notes beyond are dropped.
 pub(super) const MAX_EVENTS: usize = 256;

@@ -50,6 +50,17 @@ impl Stall {
         self.last_busy_ms = None;
     }
 
+    /// What was waited for comes only now: the wait begins here.
+    pub(super) fn restart(&mut self, now_ms: u64) {
+        self.progress_ms = now_ms;
+    }
+
+    /// Over another connection nothing of before counts, but for whether busy notes
+    /// come.
+    pub(super) fn begin_again(&mut self, now_ms: u64) {
+        *self = Self { keeps_alive: self.keeps_alive, ..Self::new(now_ms) };
+    }
+
     /// Something was acknowledged just now; `upto` is the first line that is not.
     pub(super) fn acked(&mut self, upto: u32) {
         match self.probe {
@@ -106,7 +117,8 @@ impl Session {
             self.phase,
             Phase::Identify { .. } | Phase::Job | Phase::WindDown { .. } | Phase::Safe { .. }
         );
-        if !waiting || self.answers.is_draining() {
+        // While something waits for leave, the printer is not what is waited for.
+        if !waiting || self.answers.is_draining() || self.asked.is_some() {
             return None;
         }
         let slowest = self.window.in_flight().map(|tag| tag.kind).max()?;
@@ -158,12 +170,8 @@ impl Session {
         true
     }
 
-    /// Sends one new line beyond the window: an M105, or the next line that the
-    /// printer has asked for.
-    pub(super) fn probe(&mut self, now_ms: u64) {
-        if self.window.all_sent() {
-            self.push_own(b"M105", Kind::AskTemperature);
-        }
+    /// Sends the line at the cursor beyond the window; its answer is the probe's.
+    pub(super) fn send_probe(&mut self, now_ms: u64) {
         let n = self.window.cursor();
         if self.send_next(true, now_ms) {
             self.stall.probe = Some((n, now_ms));

@@ -6,20 +6,40 @@
 //! job M109 S200  the job has this line next
 //! < ok           the printer says this
 //! > N4 G1 X1     the session has sent exactly this next (checksum left out)
+//! >> M108        … without a number
+//! > QUESTION     … the line with the number that must be refused
 //! > M110         … the line that resets the numbers
 //! > nothing      … nothing more
 //! + 20           so many ms pass
 //! ! Resend       an event whose debug text contains this came by now
 //! ! nothing      no event came
 //! cancel         the user cancels
+//! stop           … wants an emergency stop
+//! say M300       … says a command
+//! answer 1       … answers a prompt
+//! hold           no more is fed for now
+//! own M17        this line of our own is run while held
+//! release        the job goes on
 //! lost           the port is gone
+//! back           it is opened again
+//! go 5           the job goes on after the printer's line 5
+//! no go 5        … which cannot be
+//! anew           the printer is to begin anew
+//! ? Own { n: 5 } the session asks for this; `? nothing` for nothing
+//! allow          what it asks for is allowed
+//! reset true     the board was reset (or could not be)
+//! flush true     whether the system's bytes are to be dropped
 //! broken         the job cannot be read on
 //! ```
 use super::*;
 use crate::printer::window::Limit;
 
+mod asks;
 mod ends;
+mod person;
 mod properties;
+mod stop;
+mod take_over;
 mod wire;
 
 /// A transcript's start: the printer is there and in step, the job is next.
@@ -68,6 +88,10 @@ impl Player {
         }
     }
 
+    fn of(session: Session) -> Self {
+        Self { session, ..Self::new(settings()) }
+    }
+
     fn settle(&mut self) {
         while self.session.wants_line() {
             match self.job.pop_front() {
@@ -110,8 +134,10 @@ impl Player {
             }
             ("+", ms) => self.pass(ms.parse().unwrap()),
             (">", "nothing") => assert_eq!(self.sent, [""; 0], "after {step:?} of {whole}"),
+            (">>", line) => assert_eq!(self.sent.pop_front().as_deref(), Some(line), "in {whole}"),
             (">", line) => {
                 let expect = match line {
+                    "QUESTION" => "N2000000000 M105*21".to_owned(),
                     "M110" => "N0 M110 N0*125".to_owned(),
                     line => {
                         let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
@@ -133,20 +159,46 @@ impl Player {
                 }
             },
             ("cancel", _) => self.session.cancel(self.now_ms),
-            ("lost", _) => self.session.port_lost("unplugged".into()),
+            ("lost", _) => self.session.link_lost("unplugged".into()),
+            ("back", _) => self.session.link_back(self.now_ms),
+            ("go", n) => assert!(self.session.go_on(n.parse().unwrap(), self.now_ms), "{step} in {whole}"),
+            ("no", rest) => {
+                let n = rest.strip_prefix("go ").unwrap().parse().unwrap();
+                assert!(!self.session.go_on(n, self.now_ms), "{step} in {whole}");
+            }
+            ("anew", _) => self.session.begin_anew(self.now_ms),
+            ("stop", _) => self.session.emergency_stop(self.now_ms),
+            ("reset", done) => {
+                assert!(self.session.wants_hard_stop(), "{step} in {whole}");
+                self.session.hard_stopped(done == "true", self.now_ms);
+            }
+            ("flush", wanted) => assert_eq!(self.session.wants_flush(), wanted == "true", "in {whole}"),
+            ("say", line) => assert!(self.session.command(line, self.now_ms), "{step} in {whole}"),
+            ("answer", n) => assert!(self.session.answer(n.parse().unwrap(), self.now_ms), "{step}"),
+            ("hold", _) => self.session.hold(self.now_ms),
+            ("own", line) => self.session.run_own([line], self.now_ms),
+            ("release", _) => self.session.release(self.now_ms),
+            ("?", "nothing") => assert_eq!(self.session.asks(), None, "in {whole}"),
+            ("?", ask) => {
+                assert_eq!(self.session.asks().map(|a| format!("{a:?}")).as_deref(), Some(ask), "{whole}");
+            }
+            ("allow", _) => self.session.allow(self.now_ms),
             ("broken", _) => {
                 self.session.source_failed(7, "cut".into(), self.now_ms);
             }
             other => panic!("what is {other:?}?"),
         }
-        if verb != "job" {
+        if !matches!(verb, "job" | "flush" | "?") {
             self.settle();
         }
     }
 }
 
 fn check_with(settings: Settings, transcript: &str) {
-    let mut player = Player::new(settings);
+    play(Player::new(settings), transcript);
+}
+
+fn play(mut player: Player, transcript: &str) {
     for step in transcript.lines().map(str::trim).filter(|l| !l.is_empty()) {
         player.play(step, transcript);
     }

@@ -41,6 +41,12 @@ impl Faults {
         })
     }
 
+    /// One more, which comes before older ones of the same line.
+    pub(crate) fn add(&mut self, fault: Fault) {
+        let times = fault.times.unwrap_or(1);
+        self.pending.insert(0, (fault, times));
+    }
+
     /// A line has come: damages it if it is its turn. True when the resend
     /// request that follows must lack its `ok`.
     pub(crate) fn damage(&mut self, number: Option<i64>, line: &mut [u8]) -> bool {

@@ -11,6 +11,7 @@ use super::super::report;
 use super::super::words::Command;
 use super::Firmware;
 use super::wait::{After, HEAT_REPORT_NS, Heat, Wait};
+use super::watch::Did;
 
 /// Marlin's EXTRUDE_MINTEMP.
 const EXTRUDE_MIN_C: f64 = 170.0;
@@ -58,6 +59,7 @@ impl Firmware {
             return;
         };
         let command = Command::parse(&line);
+        self.note(|| Did::Took { number, command: command.whole.to_vec() });
         let waits = match command.letter {
             b'G' => self.g(&command),
             b'M' => self.m(&command),

@@ -10,7 +10,7 @@
 //! # Layout
 //! Here the state, the clock and the main loop · `intake` from bytes to the
 //! queue · `execute` what commands do · `wait` what they wait for · `power`
-//! starting, halting, faults.
+//! starting, halting, faults · `watch` what was done, for who judges it.
 use super::config::Config;
 use super::emergency::EmergencyParser;
 use super::faults::Faults;
@@ -28,6 +28,9 @@ mod execute;
 mod intake;
 mod power;
 mod wait;
+mod watch;
+
+pub use watch::{Deed, Did};
 
 /// Marlin's BUFSIZE: commands in the queue, the one being executed included.
 const BUFSIZE: usize = 4;
@@ -86,6 +89,8 @@ pub struct Firmware {
     highest: i64,
     digest: Digest,
     counts: Stats,
+    /// What was done since somebody looked; `None`: nobody looks.
+    deeds: Option<Vec<Deed>>,
 }
 
 impl Firmware {
@@ -121,6 +126,7 @@ impl Firmware {
             highest: 0,
             digest: Digest::default(),
             counts: Stats { boots: 1, ..Stats::default() },
+            deeds: None,
             config,
         };
         if board.config.dtr_reset {

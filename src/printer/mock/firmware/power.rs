@@ -4,6 +4,8 @@ use super::super::faults::{Fault, Kind};
 use super::super::line::Numbering;
 use super::super::motion::Motion;
 use super::super::stats::Digest;
+use super::wait::Wait;
+use super::watch::Did;
 use super::{BUSY_S, Firmware, Power};
 
 /// How long a start takes. Boot loaders take one to two seconds; a tenth is
@@ -53,6 +55,7 @@ impl Firmware {
 
     pub(super) fn boot(&mut self, cause: &'static str) {
         self.all_off();
+        self.note(|| Did::Started);
         self.uart.reset(self.now_ns);
         self.emergency = EmergencyParser::default();
         self.numbering = Numbering::default();
@@ -71,6 +74,9 @@ impl Firmware {
     }
 
     pub(super) fn all_off(&mut self) {
+        // A command in hand that waits for room has a move too.
+        let moves = self.planner.planned() + usize::from(matches!(self.wait, Some((Wait::Room(_), _))));
+        self.note(|| Did::Dropped { moves });
         self.planner.stop(self.now_ns);
         self.queue.clear();
         self.wait = None;

@@ -358,18 +358,19 @@ fn temperatures_are_asked_for_where_they_do_not_come() {
          < ok
          > N2 M105
          < ok T:20.0 /0.0
-         > N3 M105
-         > N4 G1 X1
-         > N5 G1 X2
-         > N6 G1 X3
-         > N7 M400
-         < ok T:20.0 /0.0
-         ! Temperatures
+         > N3 G1 X1
+         > N4 G1 X2
+         > N5 G1 X3
+         > N6 M400
          < ok
          < ok
          < ok
+         + 2999
+         < echo:busy: processing
+         + 2001
+         > nothing
          < ok
-         > N8 M105
+         > N7 M105
          < ok T:20.0 /0.0
          ! Ended(Finished)",
     );

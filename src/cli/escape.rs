@@ -1,4 +1,4 @@
-//! The printer's text for a terminal: nothing in it may act on the terminal.
+//! The printer's text for a terminal (and a USB device's): nothing in it may act on the terminal.
 //!
 //! Takes any text, gives text in which control characters and those that reorder
 //! what surrounds them are written out.
@@ -10,9 +10,14 @@ const MAX_CHARS: usize = 300;
 /// The text with every character that is not plainly printable written as
 /// `\u{1b}`, and cut at [`MAX_CHARS`].
 pub(super) fn printable(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
+    printable_to(text, MAX_CHARS)
+}
+
+/// The same, cut at `max_chars`.
+pub(super) fn printable_to(text: &str, max_chars: usize) -> String {
+    let mut out = String::with_capacity(text.len().min(4 * max_chars));
     for (at, c) in text.chars().enumerate() {
-        if at == MAX_CHARS {
+        if at == max_chars {
             out.push('…');
             break;
         }
