@@ -44,6 +44,10 @@ pub(super) struct Args {
     /// Size of the receive buffer in bytes; what does not fit is lost.
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(64..=4096))]
     rx_bytes: u32,
+    /// How long replies are on their way after their last bit, in ms, as USB adapters
+    /// hold them back.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    latency_ms: u32,
     /// Say the free places in each ok: `ok N1 P15 B3`.
     #[arg(long)]
     advanced_ok: bool,
@@ -114,6 +118,7 @@ fn options(args: &Args) -> anyhow::Result<Options> {
         speed: args.speed,
         rx_bytes: args.rx_bytes as usize,
         advanced_ok: args.advanced_ok,
+        latency_ns: u64::from(args.latency_ms) * 1_000_000,
         emergency_parser: !args.no_emergency_parser,
         dtr_reset: args.dtr_reset,
         ..Config::default()

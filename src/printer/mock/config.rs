@@ -12,6 +12,9 @@ pub struct Config {
     pub speed: f64,
     /// ADVANCED_OK: `ok N1 P15 B3`.
     pub advanced_ok: bool,
+    /// How long a reply is on its way to the host after its last bit: what a USB adapter
+    /// holds it back, ns.
+    pub latency_ns: u64,
     /// EMERGENCY_PARSER: M108, M112, M410 and M876 are seen on arrival.
     pub emergency_parser: bool,
     /// Whether opening the port resets the board.
@@ -60,6 +63,7 @@ impl Default for Config {
             rx_bytes: 128,
             speed: 1.0,
             advanced_ok: false,
+            latency_ns: 0,
             emergency_parser: true,
             dtr_reset: false,
             machine: Machine::default(),

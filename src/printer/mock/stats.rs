@@ -68,6 +68,9 @@ pub struct Stats {
     pub digest: String,
     /// Lines in the digest.
     pub digest_lines: u64,
+    /// When the first line came that was not the host's own (see
+    /// [`is_hosts_own`]), in s since the mock was started; 0 before.
+    pub first_job_line_s: f64,
     /// How often the serial device was opened.
     pub connects: u64,
     /// How often the board started.

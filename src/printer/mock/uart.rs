@@ -33,6 +33,8 @@ pub(crate) struct Uart {
     out: VecDeque<u8>,
     pieces: VecDeque<(u64, usize)>,
     tx_free_ns: u64,
+    /// From the last bit of a reply to the host.
+    latency_ns: u64,
     /// Bytes dropped because the receive buffer was full.
     pub(crate) overflow_bytes: u64,
     /// Most bytes that waited in the receive buffer.
@@ -55,10 +57,16 @@ impl Uart {
             out: VecDeque::new(),
             pieces: VecDeque::new(),
             tx_free_ns: 0,
+            latency_ns: 0,
             overflow_bytes: 0,
             rx_bytes_most: 0,
             unread_bytes: 0,
         }
+    }
+
+    /// The same with an adapter that holds replies back for so long.
+    pub(crate) fn with_latency(self, latency_ns: u64) -> Self {
+        Self { latency_ns, ..self }
     }
 
     /// How many bytes [`Self::write`] takes now.
@@ -135,9 +143,10 @@ impl Uart {
         }
         self.tx_free_ns = self.tx_free_ns.max(now_ns) + self.byte_ns * bytes.len() as u64;
         self.out.extend(bytes);
+        let there_ns = self.tx_free_ns + self.latency_ns;
         match self.pieces.back_mut() {
-            Some(last) if last.0 == self.tx_free_ns => last.1 += bytes.len(),
-            _ => self.pieces.push_back((self.tx_free_ns, bytes.len())),
+            Some(last) if last.0 == there_ns => last.1 += bytes.len(),
+            _ => self.pieces.push_back((there_ns, bytes.len())),
         }
     }
 
@@ -164,9 +173,10 @@ impl Uart {
     }
 
     /// A reset of the board: what it had received and what it was sending is gone.
+    /// What the adapter holds already is not.
     pub(crate) fn reset(&mut self, now_ns: u64) {
         self.rx.clear();
-        while self.pieces.back().is_some_and(|p| p.0 > now_ns) {
+        while self.pieces.back().is_some_and(|p| p.0 > now_ns + self.latency_ns) {
             if let Some((_, bytes)) = self.pieces.pop_back() {
                 self.out.truncate(self.out.len() - bytes);
             }
@@ -228,6 +238,20 @@ mod tests {
         uart.reset(69_999);
         uart.take_output(100_000, &mut out);
         assert_eq!(out, b"ok\n", "a reset cuts off what was being sent");
+    }
+
+    #[test]
+    fn an_adapter_holds_replies_back_but_not_the_board() {
+        let mut uart = Uart::new(1_000_000, 8).with_latency(1_000);
+        let mut out = Vec::new();
+        uart.send(0, b"ok\n");
+        assert_eq!((uart.tx_free_ns(), uart.next_output_ns()), (30_000, Some(31_000)));
+        uart.send(30_000, b"abc\n");
+        uart.reset(30_500);
+        uart.take_output(30_999, &mut out);
+        assert_eq!(out, b"");
+        uart.take_output(100_000, &mut out);
+        assert_eq!(out, b"ok\n", "only what had left the board before the reset");
     }
 
     #[test]

@@ -105,6 +105,9 @@ impl Firmware {
         }
         self.highest = self.highest.max(n);
         self.digest.add(command.whole);
+        if self.counts.first_job_line_s == 0.0 && self.digest.lines() > 0 {
+            self.counts.first_job_line_s = self.now_ns as f64 / 1e9;
+        }
     }
 
     /// M110 moved the numbering: ahead loses lines, to 0 begins a new job.

@@ -99,7 +99,7 @@ impl Firmware {
     /// long, so that a host that opens the port hears no `start`.
     pub fn new(config: Config, faults: Faults) -> Self {
         let mut board = Self {
-            uart: Uart::new(config.baud, config.rx_bytes),
+            uart: Uart::new(config.baud, config.rx_bytes).with_latency(config.latency_ns),
             planner: Planner::new(config.machine.dynamics, config.speed),
             faults,
             emergency: EmergencyParser::default(),
