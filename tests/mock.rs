@@ -16,6 +16,8 @@ const PATIENCE: Duration = Duration::from_secs(20);
 struct Mock {
     child: Child,
     folder: tempfile::TempDir,
+    /// Files that may be there at the end.
+    files: usize,
 }
 
 impl Mock {
@@ -35,7 +37,8 @@ impl Mock {
         let out = child.stdout.take().unwrap();
         BufReader::new(out).read_line(&mut line).unwrap();
         assert_eq!(line, "tty\n");
-        Self { child, folder }
+        // Faults, statistics, and the log if there is one.
+        Self { child, folder, files: 2 + usize::from(args.contains(&"--log")) }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -46,14 +49,18 @@ impl Mock {
         Port::open(&self.path("tty"))
     }
 
-    /// Ends it with a signal; gives its statistics.
-    fn end(mut self, signal: &str) -> serde_json::Value {
+    fn signal(&self, signal: &str) {
         let kill = format!("kill -{signal} {}", self.child.id());
         assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    }
+
+    /// Ends it with a signal; gives its statistics.
+    fn end(mut self, signal: &str) -> serde_json::Value {
+        self.signal(signal);
         assert!(self.child.wait().unwrap().success());
         assert!(self.path("tty").symlink_metadata().is_err(), "a link is left");
         let names: Vec<_> = std::fs::read_dir(self.folder.path()).unwrap().collect();
-        assert_eq!(names.len(), 2, "faults and statistics alone are left: {names:?}");
+        assert_eq!(names.len(), self.files, "nothing else is left: {names:?}");
         let text = std::fs::read_to_string(self.path("stats.json")).unwrap();
         serde_json::from_str(&text).unwrap()
     }
@@ -76,6 +83,13 @@ impl Port {
         let no_ctty = rustix::fs::OFlags::NOCTTY.bits().cast_signed();
         let file = OpenOptions::new().read(true).write(true).custom_flags(no_ctty).open(path).unwrap();
         Self { file }
+    }
+
+    /// As a careful host does it: DTR stays up when the port is closed.
+    fn clear_hupcl(&self) {
+        let mut modes = rustix::termios::tcgetattr(&self.file).unwrap();
+        modes.control_modes -= rustix::termios::ControlModes::HUPCL;
+        rustix::termios::tcsetattr(&self.file, rustix::termios::OptionalActions::Now, &modes).unwrap();
     }
 
     fn send(&mut self, text: &str) {
@@ -165,6 +179,63 @@ fn the_port_can_be_closed_and_opened_again() {
 }
 
 #[test]
+fn dtr_stays_up_over_a_port_that_is_closed_without_hupcl() {
+    let mock = Mock::start(&["--baud", "0", "--dtr-reset", "--keeps-dtr"], "");
+    // For the first time: reset. As a host leaves it that knows nothing of HUPCL: again.
+    for _ in 0..2 {
+        let mut port = mock.open();
+        port.until("Loaded\n");
+        port.send("M105\n");
+        port.until("ok T:");
+    }
+    let mut port = mock.open();
+    port.until("Loaded\n");
+    port.clear_hupcl();
+    port.send("M104 S50\n");
+    port.until("ok\n");
+    drop(port);
+    let mut port = mock.open();
+    port.send("M105\n");
+    let said = port.until(" /50.00 B:");
+    assert!(!said.contains("start"), "{said}");
+    let stats = mock.end("TERM");
+    assert_eq!((&stats["boots"], &stats["connects"]), (&4.into(), &4.into()));
+}
+
+#[test]
+fn firmwares_with_names_a_record_and_a_part_that_is_taken_off() {
+    let args =
+        ["--baud", "0", "--personality", "repetier", "--extruders", "2", "--log", "log", "--speed", "100"];
+    let mock = Mock::start(&args, "");
+    let mut port = mock.open();
+    let lines = ["M302 P1", "G28", "G1 X10 E1 F6000", "M400", "T1"];
+    for (at, line) in lines.iter().enumerate() {
+        port.send(&numbered(at as i64 + 1, line));
+        port.until(&format!("ok {}\n", at + 1));
+    }
+    port.until("Active Extruder: 1\n");
+    mock.signal("USR1");
+    // It comes between two looks of the mock's own; the rest of the test is patience.
+    let begun = Instant::now();
+    for n in 6.. {
+        assert!(begun.elapsed() < PATIENCE, "the part is still there");
+        port.send(&numbered(n, "M400"));
+        port.until(&format!("ok {n}\n"));
+        let text = std::fs::read_to_string(mock.path("stats.json")).unwrap();
+        let stats: serde_json::Value = serde_json::from_str(&text).unwrap();
+        if stats["deposits"] == 1 && stats["part_top_mm"] == 0.0 {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let log = std::fs::read_to_string(mock.path("log")).unwrap();
+    let moved: Vec<_> = log.lines().filter(|l| l.contains("G1")).collect();
+    assert_eq!(moved.len(), 1, "{log}");
+    assert!(moved[0].ends_with(" 3 10.000 0.000 0.000 whole G1 X10 E1 F6000"), "{log}");
+    mock.end("TERM");
+}
+
+#[test]
 fn a_hang_up_takes_the_device_away_and_brings_it_back() {
     let fault = "[[fault]]\nat_line = 2\ndo = 'hang_up'\nfor_s = 0.2";
     let mock = Mock::start(&["--baud", "0"], fault);
@@ -208,7 +279,10 @@ fn what_cannot_be_is_said_in_one_line() {
     check(&["--faults", &path(&bad)], 1, "drop_okay");
     check(&["--faults", &path(&none)], 1, "no/such");
     check(&["--profile", "prusa-mk3"], 1, "did you mean prusa-mk3s?");
+    check(&["--log", &path(&none)], 1, "no/such");
     check(&["--speed", "0"], 2, "0.01");
+    check(&["--personality", "repetir"], 2, "did you mean repetier?");
+    check(&["--keeps-dtr"], 2, "--dtr-reset");
     check(&["--rx-bytes", "1"], 2, "64");
 }
 

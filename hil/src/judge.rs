@@ -3,7 +3,7 @@
 //! Takes the job's commands and the board's deeds; gives what was executed how often, or the
 //! first thing that is wrong. Knows no host: a host that lies is found out here.
 use crate::world::source::Commands;
-use outrigger::printer::mock::{Deed, Did};
+use outrigger::printer::mock::Executed as Did;
 use std::collections::HashMap;
 
 /// What was executed of a job.
@@ -23,79 +23,108 @@ pub struct Executed {
     pub wrong: Option<String>,
 }
 
-/// Follows the job's commands through all that the board did.
+/// Follows the job's commands through all that the board did: `deeds` in the order in which
+/// they ended, and the times of its starts.
 ///
-/// Commands of the job come in order, each once; after a start of the board they may
-/// begin anew at any command that is not beyond what was made, and moves that were
-/// planned and never made do not count as executed.
-pub fn executed(commands: &Commands, deeds: &[Deed]) -> Executed {
-    let mut index: HashMap<&[u8], Vec<usize>> = HashMap::new();
-    for (at, command) in commands.iter().enumerate() {
-        index.entry(command).or_default().push(at);
+/// Moves of the job come in order, each once; after a start of the board they may
+/// begin anew at any move that is not beyond what was made. What is no move ends when
+/// it is done, while earlier moves are still in the planner, so it has an order of its own.
+pub fn executed(commands: &Commands, deeds: &[Did], starts_ns: &[u64]) -> Executed {
+    let mut track = Track::new(commands);
+    let mut starts = starts_ns.iter().peekable();
+    for deed in deeds.iter().filter(|d| d.whole) {
+        while starts.next_if(|at_ns| **at_ns <= deed.at_ns).is_some() {
+            track.starts_anew();
+        }
+        track.took(deed.command.as_bytes());
     }
-    let mut done = Executed::default();
-    let mut times = vec![0_u32; commands.len()];
-    // Commands of the job in the order in which they were executed: the last of them
-    // may turn out not to have been made.
-    let mut order: Vec<usize> = Vec::new();
-    let mut next = 0;
-    let mut fresh_start = false;
-    for deed in deeds {
-        match &deed.did {
-            Did::Took { command, .. } => {
-                let Some(places) = index.get(command.as_slice()) else {
-                    continue;
-                };
-                // A line that stands in the job several times, such as M107 or G28, and in
-                // the macros too: it counts where it belongs, and is ours otherwise.
-                let unique = places.len() == 1 && is_move(command);
-                let at = match places.contains(&next) {
-                    true => next,
-                    false if unique => places[0],
-                    false => continue,
-                };
-                if at != next && !(fresh_start && at <= next) {
-                    let text = String::from_utf8_lossy(command);
-                    done.wrong.get_or_insert(format!(
-                        "command {} ({text}) was executed where command {} belongs",
-                        at + 1,
-                        next + 1
-                    ));
-                }
-                if at < next {
-                    done.back = done.back.max(next - at);
-                }
-                fresh_start = false;
-                times[at] += 1;
-                order.push(at);
-                next = at + 1;
+    track.done.starts = u32::try_from(starts_ns.len()).unwrap_or(u32::MAX);
+    track.finish()
+}
+
+/// How far the job is.
+struct Track<'a> {
+    commands: &'a Commands,
+    /// Where a move stands; each is like no other.
+    moves: HashMap<&'a [u8], usize>,
+    times: Vec<u32>,
+    next_move: usize,
+    next_other: usize,
+    fresh_start: bool,
+    done: Executed,
+}
+
+impl<'a> Track<'a> {
+    fn new(commands: &'a Commands) -> Self {
+        let moves = commands.iter().enumerate().filter(|(_, c)| is_move(c)).map(|(at, c)| (c, at));
+        let mut track = Self {
+            commands,
+            moves: moves.collect(),
+            times: vec![0; commands.len()],
+            next_move: 0,
+            next_other: 0,
+            fresh_start: false,
+            done: Executed::default(),
+        };
+        track.next_move = track.following(0, true);
+        track.next_other = track.following(0, false);
+        track
+    }
+
+    /// The first move, or the first that is none, from `at` on.
+    fn following(&self, at: usize, moves: bool) -> usize {
+        let found = self.commands.iter().skip(at).position(|c| is_move(c) == moves);
+        found.map_or(self.commands.len(), |n| at + n)
+    }
+
+    fn starts_anew(&mut self) {
+        self.fresh_start = true;
+    }
+
+    fn took(&mut self, command: &[u8]) {
+        match self.moves.get(command) {
+            Some(at) => self.made(*at, command),
+            // A line that stands in the macros too counts where it belongs, and is ours otherwise.
+            None if self.commands.get(self.next_other) == Some(command) => {
+                self.times[self.next_other] += 1;
+                self.next_other = self.following(self.next_other + 1, false);
             }
-            Did::Dropped { moves } => {
-                // Moves that were planned and never made.
-                let mut left = *moves;
-                while left > 0 {
-                    let Some(at) = order.pop() else { break };
-                    if is_move(commands.get(at).unwrap_or_default()) {
-                        left -= 1;
-                    }
-                    times[at] -= 1;
-                    next = at;
-                }
-            }
-            Did::Started => {
-                done.starts += 1;
-                fresh_start = true;
-            }
+            None => {}
         }
     }
-    done.through = times.iter().take_while(|n| **n > 0).count();
-    done.twice = times.iter().filter(|n| **n > 1).count();
-    done.most = times.iter().copied().max().unwrap_or_default();
-    if let Some(gap) = times[done.through..].iter().position(|n| *n > 0) {
-        done.wrong.get_or_insert(format!("command {} was left out", done.through + 1));
-        let _ = gap;
+
+    fn made(&mut self, at: usize, command: &[u8]) {
+        if at != self.next_move && !(self.fresh_start && at < self.next_move) {
+            let (text, belongs) = (String::from_utf8_lossy(command), self.next_move + 1);
+            self.done.wrong.get_or_insert(format!(
+                "command {} ({text}) was executed where command {belongs} belongs",
+                at + 1
+            ));
+        }
+        if at < self.next_move {
+            let again = self.commands.iter().take(self.next_move).skip(at).filter(|c| is_move(c)).count();
+            self.done.back = self.done.back.max(again);
+            self.next_other = self.next_other.min(self.following(at, false));
+        }
+        self.fresh_start = false;
+        self.times[at] += 1;
+        self.next_move = self.following(at + 1, true);
     }
-    done
+
+    fn finish(mut self) -> Executed {
+        let times = &self.times;
+        self.done.through = times.iter().take_while(|n| **n > 0).count();
+        let twice = self.commands.iter().zip(times).filter(|(c, n)| is_move(c) && **n > 1);
+        self.done.twice = twice.count();
+        self.done.most = times.iter().copied().max().unwrap_or_default();
+        let left_out = self.commands.iter().zip(times).position(|(c, n)| is_move(c) && *n == 0);
+        if let Some(at) = left_out
+            && at < self.next_move
+        {
+            self.done.wrong.get_or_insert(format!("command {} was left out", at + 1));
+        }
+        self.done
+    }
 }
 
 fn is_move(command: &[u8]) -> bool {
@@ -106,38 +135,38 @@ fn is_move(command: &[u8]) -> bool {
 mod tests {
     use super::*;
 
-    fn took(command: &str) -> Deed {
-        Deed { at_ns: 0, did: Did::Took { number: None, command: command.as_bytes().to_vec() } }
-    }
-
     fn check(deeds: &[&str], expect: (usize, usize, Option<&str>)) {
         let commands = Commands::of("G28\nG1 X1\nG1 X2\nM107\nG1 X3\nM107\n");
-        let deeds: Vec<_> = deeds
-            .iter()
-            .map(|d| match *d {
-                "start" => Deed { at_ns: 0, did: Did::Started },
-                "drop1" => Deed { at_ns: 0, did: Did::Dropped { moves: 1 } },
-                other => took(other),
-            })
-            .collect();
-        let done = executed(&commands, &deeds);
+        let mut starts = Vec::new();
+        let mut all = Vec::new();
+        for (at_ns, deed) in (1..).zip(deeds) {
+            let (command, whole) = (deed.trim_end_matches('-').to_owned(), !deed.ends_with('-'));
+            match *deed {
+                "start" => starts.push(at_ns),
+                _ => all.push(Did { at_ns, number: None, command, at_mm: [0.0; 3], whole }),
+            }
+        }
+        let done = executed(&commands, &all, &starts);
         let wrong = done.wrong.clone();
         assert_eq!((done.through, done.twice), (expect.0, expect.1), "{deeds:?} {done:?}");
         match expect.2 {
             Some(text) => assert!(wrong.is_some_and(|w| w.contains(text)), "{done:?}"),
-            None => assert_eq!(wrong, None),
+            None => assert_eq!(wrong, None, "{deeds:?}"),
         }
     }
 
     #[test]
     fn order_gaps_and_repeats_are_seen() {
         check(&["G28", "G1 X1", "M105", "G1 X2", "M107", "G1 X3", "M107"], (6, 0, None));
+        // What is no move overtakes those in the planner.
+        check(&["G28", "M107", "M107", "G1 X1", "G1 X2", "G1 X3"], (6, 0, None));
         check(&["G28", "G1 X1"], (2, 0, None));
         check(&["G28", "G1 X1", "G1 X1"], (2, 1, Some("command 2 (G1 X1) was executed where command 3")));
         check(&["G28", "G1 X2"], (1, 0, Some("command 3 (G1 X2) was executed where command 2")));
         check(&["G28", "G1 X1", "G1 X2", "start", "G28", "G1 X1", "G1 X2"], (3, 2, None));
         check(&["G28", "G1 X1", "start", "G1 X2"], (3, 0, None));
-        check(&["G28", "G1 X1", "drop1", "start", "G1 X2"], (1, 0, Some("where command 2 belongs")));
-        check(&["G28", "G1 X1", "drop1", "start", "G1 X1", "G1 X2"], (3, 0, None));
+        check(&["G28", "G1 X1-", "start", "G1 X2"], (1, 0, Some("where command 2 belongs")));
+        check(&["G28", "G1 X1-", "start", "G1 X1", "G1 X2"], (3, 0, None));
+        check(&["G28", "G1 X1", "start", "G28", "G1 X1", "start", "G1 X1"], (2, 1, None));
     }
 }

@@ -10,7 +10,7 @@ use crate::world::wire::Chances;
 use crate::world::{Plan, Report, User, World};
 use outrigger::job::host::HostSettings;
 use outrigger::job::state::State;
-use outrigger::printer::mock::{Config, Did, Faults};
+use outrigger::printer::mock::{Config, Faults, Personality};
 use outrigger::printer::session::DEFAULT_BOOT_WAIT_MS;
 use outrigger::printer::window::Limit;
 use outrigger::profile::{self, Profile};
@@ -103,7 +103,7 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
         watch_heat: scenario.expect.cold_s.is_some(),
     };
     let report = World::new(plan).run();
-    let executed = executed(&commands, &report.deeds);
+    let executed = executed(&commands, &report.deeds, &report.starts_ns);
     let wrong = judge(&scenario.expect, &commands, &report, &executed);
     Ok(Played { report, executed, wrong })
 }
@@ -113,12 +113,8 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
 /// # Errors
 /// There is none of that name.
 pub fn personality(name: &str) -> anyhow::Result<Config> {
-    match name {
-        "marlin-2.1" => Ok(Config::default()),
-        "advanced-ok" => Ok(Config { advanced_ok: true, ..Config::default() }),
-        "no-emergency-parser" => Ok(Config { emergency_parser: false, ..Config::default() }),
-        other => anyhow::bail!("there is no personality {other:?}"),
-    }
+    let found = Personality::find(name).map(Personality::config);
+    found.ok_or_else(|| anyhow::anyhow!("there is no personality {name:?}"))
 }
 
 /// What a host needs of a profile. Without `resets`, opening the port does not reset the board.
@@ -200,10 +196,12 @@ fn judge(expect: &Expect, commands: &Commands, report: &Report, done: &Executed)
     if expect.outcome != End::Interrupted && expect.heaters == Heaters::Off {
         let stats = &report.stats;
         hold(
-            stats.nozzle_target_c <= 0.0 && stats.bed_target_c <= 0.0 || expect.outcome == End::Finished,
+            !stats.heaters_on || expect.outcome == End::Finished,
             format!("heaters are on at the end: {} and {} °C", stats.nozzle_target_c, stats.bed_target_c),
         );
     }
+    hold(report.stats.crashes == 0, format!("the nozzle crashed {} times", report.stats.crashes));
+    hold(report.stats.moved_cold == 0, "the nozzle moved while it stuck to the part".to_owned());
     let stall_s = expect.stall_s.unwrap_or(STALL_S);
     hold(
         seconds(report.stall_ns) <= stall_s,
@@ -245,10 +243,7 @@ fn end_of(state: State) -> Option<End> {
 }
 
 fn commands_missing(expect: &Expect, report: &Report) -> Option<String> {
-    let mut took = report.deeds.iter().filter_map(|d| match &d.did {
-        Did::Took { command, .. } => Some(command),
-        _ => None,
-    });
-    let missing = expect.commands.iter().find(|c| !took.any(|t| t == c.as_bytes()))?;
+    let mut took = report.deeds.iter();
+    let missing = expect.commands.iter().find(|c| !took.any(|t| t.command == **c))?;
     Some(format!("the board did not get {missing:?} (in this order)"))
 }

@@ -11,6 +11,7 @@
 //!    after it at most [`TWICE_MOST`] commands are gone over again.
 //! 4. A board that kept its state, and a user who cancels nothing, mean a finished job.
 //! 5. A job that was cancelled or has failed has its heaters off, or the user is told that nobody knows.
+//! 6. Nothing moves where it hits the part, or while it sticks to it.
 use crate::dice::Dice;
 use crate::judge::{Executed, executed};
 use crate::play::settings;
@@ -20,7 +21,7 @@ use crate::world::source::Commands;
 use crate::world::wire::Chances;
 use crate::world::{Plan, Report, User, World};
 use outrigger::job::state::State;
-use outrigger::printer::mock::{Config, Did, Faults};
+use outrigger::printer::mock::{Config, Faults, Personality};
 use outrigger::printer::session::{Outcome, Safety};
 use outrigger::printer::window::Limit;
 use outrigger::profile::{Profile, load_printer};
@@ -174,7 +175,7 @@ impl Run {
             plan.faults
         );
         let report = World::new(plan).run();
-        let done = executed(&commands, &report.deeds);
+        let done = executed(&commands, &report.deeds, &report.starts_ns);
         Self { seed, commands, faults, user, thrown, report, done }
     }
 
@@ -191,7 +192,7 @@ impl Run {
         if let Some(wrong) = &done.wrong {
             return Some(format!("2: {wrong}"));
         }
-        let starts = self.starts_in_mid_job();
+        let starts = self.starts_in_mid_job().count();
         if starts == 0 && done.twice > 0 {
             return Some(format!(
                 "2: {} commands were executed twice by a board that kept its state",
@@ -200,6 +201,13 @@ impl Run {
         }
         if done.back > TWICE_MOST {
             return Some(format!("3: {} commands were gone over again", done.back));
+        }
+        let stats = &report.stats;
+        if stats.crashes + stats.moved_cold > 0 {
+            return Some(format!(
+                "6: {} crashes, {} moves of a nozzle that stuck",
+                stats.crashes, stats.moved_cold
+            ));
         }
         if let Some(wrong) = self.without_a_word() {
             return Some(wrong);
@@ -218,7 +226,7 @@ impl Run {
     /// 5: heaters, where the job is over.
     fn hot(&self) -> Option<String> {
         let stats = &self.report.stats;
-        let hot = stats.nozzle_target_c > 0.0 || stats.bed_target_c > 0.0;
+        let hot = stats.heaters_on;
         let over = matches!(self.report.state, State::Cancelled | State::Failed);
         let told = matches!(self.report.outcome, Some(Outcome::Stopped { safety: Safety::Unknown, .. }));
         (over && hot && !told).then(|| {
@@ -228,38 +236,28 @@ impl Run {
     }
 
     /// Starts of the board after it had executed a command of the job.
-    fn starts_in_mid_job(&self) -> u64 {
-        let first = self.first_of_job_ns();
-        let starts = self.report.deeds.iter().filter(|d| d.did == Did::Started);
-        starts.filter(|d| first.is_some_and(|at_ns| d.at_ns >= at_ns)).count() as u64
-    }
-
-    fn first_of_job_ns(&self) -> Option<u64> {
-        let first = self.commands.get(0)?;
-        let took = |d: &&outrigger::printer::mock::Deed| matches!(&d.did, Did::Took { command, .. } if command == first);
-        self.report.deeds.iter().find(took).map(|d| d.at_ns)
+    fn starts_in_mid_job(&self) -> impl Iterator<Item = u64> {
+        let first = self.commands.get(0).unwrap_or_default();
+        let first_ns = self.report.deeds.iter().find(|d| d.command.as_bytes() == first).map(|d| d.at_ns);
+        let starts = self.report.starts_ns.iter().copied();
+        starts.filter(move |at_ns| first_ns.is_some_and(|first_ns| *at_ns >= first_ns))
     }
 
     /// 3: a move of the job after a start, and no person had said that all is clear.
     fn without_a_word(&self) -> Option<String> {
-        let first_ns = self.first_of_job_ns()?;
-        let mut started_ns = None;
-        for deed in &self.report.deeds {
-            match &deed.did {
-                Did::Started if deed.at_ns >= first_ns => started_ns = Some(deed.at_ns),
-                Did::Took { command, .. } if command.starts_with(b"G1 X") => {
-                    let Some(since_ns) = started_ns else { continue };
-                    let said = self.report.confirmed_ns.iter().any(|at| (since_ns..=deed.at_ns).contains(at));
-                    if !said {
-                        let text = String::from_utf8_lossy(command).into_owned();
-                        return Some(format!(
-                            "3: {text} moves at {:.3} s, after a start at {:.3} s without a person's word",
-                            deed.at_ns as f64 / 1e9,
-                            since_ns as f64 / 1e9
-                        ));
-                    }
-                }
-                _ => {}
+        let starts: Vec<_> = self.starts_in_mid_job().collect();
+        for deed in self.report.deeds.iter().filter(|d| d.command.starts_with("G1 X")) {
+            let Some(since_ns) = starts.iter().copied().filter(|at| *at <= deed.at_ns).max() else {
+                continue;
+            };
+            let said = self.report.confirmed_ns.iter().any(|at| (since_ns..=deed.at_ns).contains(at));
+            if !said {
+                return Some(format!(
+                    "3: {} moves at {:.3} s, after a start at {:.3} s without a person's word",
+                    deed.command,
+                    deed.at_ns as f64 / 1e9,
+                    since_ns as f64 / 1e9
+                ));
             }
         }
         None
@@ -274,7 +272,7 @@ impl Run {
         tally.commands += self.done.through as u64;
         tally.mishaps += self.report.mishaps;
         tally.heirs += u64::from(self.report.processes - 1);
-        tally.starts += self.starts_in_mid_job();
+        tally.starts += self.starts_in_mid_job().count() as u64;
         tally.simulated_s += self.report.ended_ns as f64 / 1e9;
         let _ = self.user;
         if let Some(text) = wrong {
@@ -301,16 +299,14 @@ fn job(dice: &mut Dice) -> String {
 }
 
 fn throw(dice: &mut Dice, seed: u64, commands: &Commands, profile: &Profile, transcript: bool) -> Plan {
-    let rx_bytes = *dice.pick(&[64, 128, 128, 256, 1024]);
-    let config = Config {
-        baud: *dice.pick(&[0, 115_200, 250_000]),
-        rx_bytes,
-        speed: *dice.pick(&[1.0, 5.0, 20.0]),
-        advanced_ok: dice.chance(400),
-        emergency_parser: dice.chance(700),
-        dtr_reset: dice.chance(200),
-        ..Config::default()
+    let mut config = match Personality::find(dice.pick::<&str>(&FIRMWARES)) {
+        Some(personality) => personality.config(),
+        None => Config::default(),
     };
+    config.baud = *dice.pick(&[0, 115_200, 250_000]);
+    config.speed = *dice.pick(&[1.0, 5.0, 20.0]);
+    config.dtr_reset = dice.chance(200);
+    let rx_bytes = config.rx_bytes;
     let mut settings = settings(profile, config.dtr_reset);
     settings.session.window = match dice.chance(150) {
         true => Limit::Lines(1),
@@ -346,6 +342,28 @@ fn throw(dice: &mut Dice, seed: u64, commands: &Commands, profile: &Profile, tra
         watch_heat: false,
     }
 }
+
+/// Firmwares that a run may have: those of the mock's table that look at line numbers.
+const FIRMWARES: [&str; 18] = [
+    "marlin-2.1",
+    "marlin-2.1",
+    "advanced-ok",
+    "no-emergency-parser",
+    "no-auto-report",
+    "no-busy-notes",
+    "no-prompts",
+    "resend-without-ok",
+    "resend-tight",
+    "resend-with-n",
+    "rs",
+    "refuses-repeats",
+    "rx-64",
+    "rx-1024",
+    "large",
+    "marlin-1.1",
+    "marlin-1.0",
+    "repetier",
+];
 
 /// Kinds with the thousandths of runs that have them.
 const KINDS: [(Kind, u64); 15] = [

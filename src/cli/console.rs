@@ -3,6 +3,7 @@
 //! On a terminal: a prompt with history, the printer's words above it. In a pipe:
 //! lines in, answers out. With `--raw`: bytes both ways, unchanged.
 mod boot;
+mod keys;
 mod prompt;
 mod raw;
 mod stdin;

@@ -1,5 +1,5 @@
 //! `outrigger mock`: the mock printer on a pseudo-terminal.
-use crate::printer::mock::{self, Config, Cornering, Dynamics, Faults, Machine, Options, Stats};
+use crate::printer::mock::{self, Config, Cornering, Dynamics, Faults, Machine, Options, Personality, Stats};
 use crate::profile::{self, Profile, printer};
 use anyhow::Context;
 use clap::Args as ClapArgs;
@@ -16,7 +16,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 ///
 /// It checks line numbers and checksums as Marlin 2.1 does, loses bytes that
 /// do not fit its receive buffer, executes moves in time and warms up. Any
-/// host can open it; Ctrl-C ends it and removes the link.
+/// host can open it; Ctrl-C ends it and removes the link. It knows where the nozzle
+/// really is and what stands on the bed, and counts as a crash what would be one;
+/// SIGUSR1 takes the part off the bed.
 #[derive(ClapArgs)]
 pub(super) struct Args {
     /// Make this symbolic link to the pseudo-terminal.
@@ -35,15 +37,31 @@ pub(super) struct Args {
     /// baud and DTR reset unless they are given.
     #[arg(long, value_name = "NAME")]
     profile: Option<String>,
+    /// Firmware to imitate (see --help-personalities).
+    #[arg(long, value_name = "NAME", value_parser = personality)]
+    personality: Option<&'static Personality>,
+    /// Print the names of the firmwares, and end.
+    #[arg(long)]
+    help_personalities: bool,
+    /// Write every command that was executed to this file, a line each: seconds, number,
+    /// where the nozzle really is, whether it was broken off, the command.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
     /// Speed of the serial line, bits per second; 0 has no limit [default: 250000].
     #[arg(long, value_name = "N")]
     baud: Option<u32>,
     /// How many times faster than life moves, heaters and pauses are.
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
-    /// Size of the receive buffer in bytes; what does not fit is lost.
-    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(64..=4096))]
-    rx_bytes: u32,
+    /// Size of the receive buffer in bytes; what does not fit is lost [default: 128].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=4096))]
+    rx_bytes: Option<u32>,
+    /// Moves that are planned ahead, and one (BLOCK_BUFFER_SIZE) [default: 16].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1024))]
+    blocks: Option<u32>,
+    /// Nozzles, each with a heater [default: 1].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=mock::EXTRUDERS_MAX as i64))]
+    extruders: Option<u32>,
     /// How long replies are on their way after their last bit, in ms, as USB adapters
     /// hold them back.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=1000))]
@@ -57,6 +75,19 @@ pub(super) struct Args {
     /// Reset the board when the port is opened, as many boards do.
     #[arg(long)]
     dtr_reset: bool,
+    /// With --dtr-reset: only when it is opened for the first time, or was last closed
+    /// with HUPCL set, as on a real port, whose DTR else stays up.
+    #[arg(long, requires = "dtr_reset")]
+    keeps_dtr: bool,
+}
+
+/// One of the table, or what to do.
+fn personality(name: &str) -> Result<&'static Personality, String> {
+    Personality::find(name).ok_or_else(|| {
+        let names = mock::PERSONALITIES.iter().map(|p| p.name);
+        let near = profile::nearest(name, names).map(|n| format!("did you mean {n}? "));
+        format!("{}--help-personalities lists all", near.unwrap_or_default())
+    })
 }
 
 /// Slower than a hundredth or faster than a hundred thousand times is a slip.
@@ -73,10 +104,13 @@ pub(crate) fn speed(text: &str) -> Result<f64, String> {
 /// A profile or faults file that cannot be read, no pseudo-terminal, or a
 /// link or statistics file that cannot be written.
 pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
-    if args.help_faults {
-        std::io::stdout()
-            .write_all(mock::faults::HELP.as_bytes())
-            .context("cannot write to standard output")?;
+    let help = match (args.help_faults, args.help_personalities) {
+        (true, _) => Some(mock::faults::HELP.to_owned()),
+        (_, true) => Some(mock::personalities_help()),
+        _ => None,
+    };
+    if let Some(help) = help {
+        std::io::stdout().write_all(help.as_bytes()).context("cannot write to standard output")?;
         return Ok(ExitCode::SUCCESS);
     }
     let options = options(&args)?;
@@ -89,6 +123,7 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
         let mut interrupt = signal(SignalKind::interrupt())?;
         let mut terminate = signal(SignalKind::terminate())?;
         let mut hang_up = signal(SignalKind::hangup())?;
+        let mut remove = signal(SignalKind::user_defined1())?;
         let handle = mock::spawn(options)?;
         announce(&handle)?;
         while handle.is_running() {
@@ -96,6 +131,7 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
                 _ = interrupt.recv() => break,
                 _ = terminate.recv() => break,
                 _ = hang_up.recv() => break,
+                _ = remove.recv() => handle.remove_part(),
                 () = tokio::time::sleep(LOOK_EVERY) => {}
             }
         }
@@ -114,24 +150,37 @@ fn options(args: &Args) -> anyhow::Result<Options> {
             Faults::parse(&text).with_context(|| format!("{}", file.display()))?
         }
     };
-    let mut config = Config {
-        speed: args.speed,
-        rx_bytes: args.rx_bytes as usize,
-        advanced_ok: args.advanced_ok,
-        latency_ns: u64::from(args.latency_ms) * 1_000_000,
-        emergency_parser: !args.no_emergency_parser,
-        dtr_reset: args.dtr_reset,
-        ..Config::default()
-    };
+    let mut config = Config::default();
+    if let Some(personality) = args.personality {
+        personality.apply(&mut config);
+    }
+    config.speed = args.speed;
+    config.advanced_ok |= args.advanced_ok;
+    config.emergency_parser &= !args.no_emergency_parser;
+    config.dtr_reset = args.dtr_reset;
+    config.keeps_dtr = args.keeps_dtr;
+    config.latency_ns = u64::from(args.latency_ms) * 1_000_000;
     if let Some(profile) = &profile {
-        config.machine = machine(profile);
+        // Of the machine, what the personality says stays.
+        let own = config.machine;
+        let Machine { extruders, chamber, levelling, .. } = own;
+        config.machine = Machine { extruders, chamber, levelling, ..machine(profile) };
         config.baud = profile.serial.baud;
         config.dtr_reset |= profile.serial.dtr_reset;
     }
+    set(&mut config.rx_bytes, args.rx_bytes);
+    set(&mut config.blocks, args.blocks);
+    set(&mut config.machine.extruders, args.extruders);
     if let Some(baud) = args.baud {
         config.baud = baud;
     }
-    Ok(Options { link: args.link.clone(), stats: args.stats.clone(), faults, config })
+    Ok(Options { link: args.link.clone(), stats: args.stats.clone(), log: args.log.clone(), faults, config })
+}
+
+fn set(value: &mut usize, given: Option<u32>) {
+    if let Some(given) = given {
+        *value = given as usize;
+    }
 }
 
 /// The machine of a profile, as the mock wants it: plain numbers.
@@ -159,6 +208,7 @@ pub(crate) fn machine(profile: &Profile) -> Machine {
         },
         nozzle_max_c: profile.limits.nozzle_c.0,
         bed_max_c: profile.limits.bed_c.0,
+        ..Machine::default()
     }
 }
 

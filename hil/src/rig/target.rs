@@ -2,7 +2,8 @@
 use super::{Rig, Sort, tty};
 use crate::scenario::{Fault, Kind, Names, Printer};
 use crate::world::link::ns;
-use outrigger::printer::mock::{self, Config, Deed, Faults, Options, Stats, faults};
+use crate::world::events::of_mock;
+use outrigger::printer::mock::{self, Config, Executed, Faults, Options, Stats};
 use std::io;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
@@ -53,8 +54,8 @@ impl Target {
         };
         config.speed = printer.speed.unwrap_or(1.0) * MOCK_SPEED;
         config.dtr_reset |= printer.dtr_reset;
+        config.record = true;
         let handle = mock::spawn(Options { config, faults: Faults::default(), ..Options::default() })?;
-        handle.watch();
         Ok(Self::Mock(Box::new(handle)))
     }
 
@@ -138,12 +139,9 @@ impl Target {
     }
 
     /// What the board did, where it can be asked.
-    pub fn deeds(&self) -> Option<(Vec<Deed>, Stats)> {
+    pub fn deeds(&self) -> Option<(Vec<Executed>, Vec<u64>, Stats)> {
         match self {
-            Self::Mock(handle) => {
-                let stats = handle.stats();
-                Some((handle.take_deeds(), stats))
-            }
+            Self::Mock(handle) => Some((handle.take_executed(), handle.starts_ns(), handle.stats())),
             _ => None,
         }
     }
@@ -166,27 +164,5 @@ fn shell(command: Option<&str>) -> io::Result<()> {
     match status.success() {
         true => Ok(()),
         false => Err(io::Error::other(format!("{command:?} failed ({status})"))),
-    }
-}
-
-/// A scenario's fault in the mock's own words.
-pub fn of_mock(fault: &Fault, number: Option<i64>) -> faults::Fault {
-    let kind = match fault.kind {
-        Kind::ResendWithoutOk => faults::Kind::ResendWithoutOk,
-        Kind::DropOk => faults::Kind::DropOk,
-        Kind::Say => faults::Kind::Say,
-        Kind::Halt => faults::Kind::Kill,
-        Kind::Hang => faults::Kind::Hang,
-        _ => faults::Kind::Reset,
-    };
-    let of_line = matches!(fault.kind, Kind::ResendWithoutOk | Kind::DropOk);
-    faults::Fault {
-        at_line: number.filter(|_| of_line),
-        at_s: None,
-        kind,
-        for_s: fault.for_s.filter(|_| fault.kind == Kind::Hang),
-        text: fault.text.clone(),
-        byte: fault.byte,
-        times: fault.times,
     }
 }

@@ -142,28 +142,10 @@ impl World {
     }
 
     fn on_the_board(&mut self, fault: Fault, number: Option<i64>) {
-        let kind = match fault.kind {
-            Kind::ResendWithoutOk => faults::Kind::ResendWithoutOk,
-            Kind::DropOk => faults::Kind::DropOk,
-            Kind::Say => faults::Kind::Say,
-            Kind::Halt => faults::Kind::Kill,
-            Kind::Hang => faults::Kind::Hang,
-            _ => faults::Kind::Reset,
-        };
         if matches!(fault.kind, Kind::UnplugReset | Kind::PowerCut) {
             self.unplug(self.now_ns + ns(fault.for_s.unwrap_or_default()));
         }
-        let of_line = matches!(fault.kind, Kind::ResendWithoutOk | Kind::DropOk);
-        let injected = faults::Fault {
-            at_line: number.filter(|_| of_line),
-            at_s: None,
-            kind,
-            for_s: fault.for_s.filter(|_| fault.kind == Kind::Hang),
-            text: fault.text,
-            byte: fault.byte,
-            times: fault.times,
-        };
-        self.board.inject(self.now_ns, injected);
+        self.board.inject(self.now_ns, of_mock(&fault, number));
     }
 
     fn on_the_host(&mut self, fault: Fault) {
@@ -179,6 +161,34 @@ impl World {
             _ => return self.change_file(),
         };
         self.life.requests.push_back(request);
+    }
+}
+
+/// A scenario's fault in the mock's own words. `number` is that of the line that it may be of.
+pub fn of_mock(fault: &Fault, number: Option<i64>) -> faults::Fault {
+    let kind = match fault.kind {
+        Kind::ResendWithoutOk => faults::Kind::ResendWithoutOk,
+        Kind::DropOk => faults::Kind::DropOk,
+        Kind::Say => faults::Kind::Say,
+        Kind::Halt => faults::Kind::Kill,
+        Kind::Hang => faults::Kind::Hang,
+        Kind::PowerCut => faults::Kind::PowerCut,
+        Kind::FilamentOut => faults::Kind::FilamentOut,
+        _ => faults::Kind::Reset,
+    };
+    let of_line = matches!(fault.kind, Kind::ResendWithoutOk | Kind::DropOk);
+    let lasts = matches!(fault.kind, Kind::Hang | Kind::PowerCut);
+    faults::Fault {
+        at_line: number.filter(|_| of_line),
+        at_s: None,
+        kind,
+        for_s: fault.for_s.filter(|_| lasts),
+        text: fault.text.clone(),
+        byte: fault.byte,
+        times: fault.times,
+        sag_mm: fault.sag_mm,
+        unplugs: None,
+        reset: None,
     }
 }
 

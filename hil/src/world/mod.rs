@@ -22,7 +22,7 @@ use link::Link;
 use outrigger::job::host::{Host, HostSettings, Request};
 use outrigger::job::record::Accepted;
 use outrigger::job::state::State;
-use outrigger::printer::mock::{Config, Deed, Faults, Firmware, Stats};
+use outrigger::printer::mock::{Config, Executed, Faults, Firmware, Stats};
 use outrigger::printer::session::Outcome;
 use source::{Commands, Reading};
 use std::collections::VecDeque;
@@ -115,7 +115,9 @@ pub struct Report {
     /// Processes that began it from its first line.
     pub fresh: u32,
     /// What the board did.
-    pub deeds: Vec<Deed>,
+    pub deeds: Vec<Executed>,
+    /// When the board began to start, each time, ns.
+    pub starts_ns: Vec<u64>,
     /// The board's counts at the end.
     pub stats: Stats,
     /// What the user was told.
@@ -171,8 +173,8 @@ pub struct World {
 impl World {
     /// A world at time 0, before the first process.
     pub fn new(plan: Plan) -> Self {
-        let mut board = Firmware::new(plan.config.clone(), plan.board.clone());
-        board.watch();
+        let config = Config { record: true, ..plan.config.clone() };
+        let board = Firmware::new(config, plan.board.clone());
         let accepted = Accepted {
             path: "/virtual/job.gcode".into(),
             commands: plan.commands.len() as u64,
@@ -228,7 +230,8 @@ impl World {
             state: self.life.state,
             processes: self.life.processes,
             fresh: self.life.fresh,
-            deeds: self.board.take_deeds(),
+            deeds: self.board.take_executed(),
+            starts_ns: self.board.starts_ns().to_vec(),
             stats: self.board.stats(),
             told: self.told,
             ended_ns,
@@ -326,7 +329,7 @@ impl World {
     fn look_at_heat(&mut self) {
         if self.plan.watch_heat && self.events.first_ns.is_some() && self.cold_ns.is_none() {
             let stats = self.board.stats();
-            if stats.nozzle_target_c <= 0.0 && stats.bed_target_c <= 0.0 {
+            if !stats.heaters_on {
                 self.cold_ns = Some(self.now_ns);
             }
         }

@@ -1,10 +1,11 @@
 //! The host's life: its first process, its death, its heirs; and what it says and wants.
 use super::World;
+use super::events::of_mock;
 use super::source::Reading;
+use crate::scenario::{Fault, Kind};
 use outrigger::job::host::{Begin, Host, HostEvent, PortWish, Request};
 use outrigger::job::record::Record;
 use outrigger::job::state::State;
-use outrigger::printer::mock::faults::{Fault, Kind};
 use outrigger::printer::session::{Event, Outcome};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -291,8 +292,8 @@ impl World {
 }
 
 /// What DTR does to a board that listens to it.
-fn reset() -> Fault {
-    Fault { kind: Kind::Reset, at_line: None, at_s: None, for_s: None, text: None, byte: None, times: None }
+fn reset() -> outrigger::printer::mock::faults::Fault {
+    of_mock(&Fault::at_s(Kind::Reset, 0.0), None)
 }
 
 /// An event as a user would see it.

@@ -2,19 +2,20 @@
 //!
 //! The only file that names `rustyline`. The printer's words go above the prompt,
 //! whatever the user is typing.
+use super::keys::Keys;
 use super::talk::Shown;
 use super::{Screen, Typed};
 use crate::cli::escape::printable_to;
 use crate::job::disk;
 use crate::printer::lines::MAX_REPLY_LEN;
 use anyhow::Context;
-use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 use rustyline::error::ReadlineError;
 use rustyline::history::{FileHistory, History};
 use rustyline::{Config, Editor, ExternalPrinter};
 use std::io::ErrorKind;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
 /// Lines of history kept.
@@ -25,22 +26,12 @@ const AHEAD: usize = 64;
 
 type Prompt = Editor<(), FileHistory>;
 
-/// Puts the terminal right again, whoever ends first.
-struct Terminal(Option<Termios>);
-
-impl Drop for Terminal {
-    fn drop(&mut self) {
-        if let Some(modes) = &self.0 {
-            let _ = tcsetattr(std::io::stdin(), OptionalActions::Now, modes);
-        }
-    }
-}
-
 /// What stands above the prompt.
 pub(super) struct Above {
     printer: Box<dyn FnMut(String) -> rustyline::Result<()> + Send>,
     colours: bool,
-    _terminal: Terminal,
+    /// The terminal is as it was when this is dropped.
+    _keys: Keys,
 }
 
 impl Screen for Above {
@@ -67,7 +58,7 @@ impl Screen for Above {
 /// # Errors
 /// The terminal cannot be used.
 pub(super) fn start() -> anyhow::Result<(Above, Receiver<Typed>)> {
-    let terminal = Terminal(tcgetattr(std::io::stdin()).ok());
+    let keys = Keys::take().context("cannot use this terminal; use a pipe")?;
     let config = Config::builder()
         .max_history_size(MAX_HISTORY)
         .and_then(|config| config.history_ignore_dups(true))
@@ -80,6 +71,7 @@ pub(super) fn start() -> anyhow::Result<(Above, Receiver<Typed>)> {
         .and_then(|folder| load(&mut prompt, &folder).inspect_err(tell).ok());
     let mut printer = prompt.create_external_printer().context("cannot use this terminal; use a pipe")?;
     let (to, from) = channel(AHEAD);
+    end_on_signal(to.clone())?;
     std::thread::Builder::new()
         .name("prompt".to_owned())
         .spawn(move || read(prompt, history.as_deref(), &to))
@@ -87,9 +79,23 @@ pub(super) fn start() -> anyhow::Result<(Above, Receiver<Typed>)> {
     let above = Above {
         printer: Box::new(move |text| printer.print(text)),
         colours: std::env::var_os("NO_COLOR").is_none_or(|no| no.is_empty()),
-        _terminal: terminal,
+        _keys: keys,
     };
     Ok((above, from))
+}
+
+/// Whoever ends the program from outside gets the terminal back, too.
+fn end_on_signal(to: Sender<Typed>) -> anyhow::Result<()> {
+    let mut signals = [signal(SignalKind::terminate())?, signal(SignalKind::hangup())?];
+    tokio::spawn(async move {
+        let [terminate, hangup] = &mut signals;
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = hangup.recv() => {}
+        }
+        let _ = to.send(Typed::End).await;
+    });
+    Ok(())
 }
 
 fn tell(error: &anyhow::Error) {

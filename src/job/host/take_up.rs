@@ -313,7 +313,8 @@ impl<S: Source> Host<S> {
             Some(Case::HostDied { parked, .. }) => (taken.log.state, parked),
             _ => return,
         };
-        if log_state == State::Ending {
+        // Its last lines may have been lost on the way: then the end has not come yet.
+        if log_state == State::Ending && self.fed >= taken.log.accepted.commands {
             return self.end_again(now_ms);
         }
         let Some(report) = self.reports[1] else {

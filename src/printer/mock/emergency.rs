@@ -28,6 +28,12 @@ pub(crate) struct EmergencyParser {
 }
 
 impl EmergencyParser {
+    /// Takes bytes none of which ends a line.
+    pub(crate) fn take_run(&mut self, run: &[u8]) {
+        let room = HEAD_BYTES - self.head.len();
+        self.head.extend_from_slice(&run[..run.len().min(room)]);
+    }
+
     /// Takes one byte; an emergency is known at its line's end.
     pub(crate) fn take(&mut self, byte: u8) -> Option<Emergency> {
         if byte != b'\n' && byte != b'\r' {

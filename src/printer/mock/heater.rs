@@ -30,6 +30,9 @@ pub(crate) const NOZZLE: Plant = Plant { full_power_c: 450.0, time_constant_s: 1
 /// A 24 V bed: 0.45 °C/s when cold, 60 °C after 100 s.
 pub(crate) const BED: Plant = Plant { full_power_c: 130.0, time_constant_s: 240.0 };
 
+/// A chamber of some 40 litres: 0.06 °C/s when cold.
+pub(crate) const CHAMBER: Plant = Plant { full_power_c: 80.0, time_constant_s: 900.0 };
+
 /// One heater. Times are simulated seconds and never run backwards.
 #[derive(Clone, Debug)]
 pub(crate) struct Heater {

@@ -44,6 +44,18 @@ impl LineBuffer {
         false
     }
 
+    /// Takes bytes none of which ends a line.
+    pub(crate) fn take_run(&mut self, run: &[u8]) {
+        let plain = !self.skip && !self.escaped && !run.iter().any(|b| matches!(b, b';' | b'\\'));
+        if plain && self.bytes.len() + run.len() < MAX_CMD_SIZE - 1 {
+            self.bytes.extend_from_slice(run);
+        } else {
+            for &byte in run {
+                self.take(byte);
+            }
+        }
+    }
+
     /// The finished line; the buffer is empty afterwards.
     pub(crate) fn finish(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.bytes)

@@ -26,6 +26,10 @@ const LETTERS: [u8; 4] = [b'X', b'Y', b'Z', b'E'];
 pub(crate) struct Motion {
     /// Where the queued moves end, mm; E in filament.
     pub(crate) at_mm: Axes,
+    /// What G92 added to X, Y and Z: the workspace's offset. A reset forgets it.
+    shift_mm: [f64; 3],
+    /// Axes that were homed.
+    homed: [bool; 3],
     relative: bool,
     e_relative: bool,
     inches: bool,
@@ -64,6 +68,8 @@ impl Default for Motion {
     fn default() -> Self {
         Self {
             at_mm: [0.0; 4],
+            shift_mm: [0.0; 3],
+            homed: [false; 3],
             relative: false,
             e_relative: false,
             inches: false,
@@ -101,24 +107,53 @@ impl Motion {
         Some(command.value(letter)? * self.unit_mm())
     }
 
-    /// G92: names the position anew; without axes all of them are 0.
-    pub(crate) fn name_position(&mut self, command: &Command<'_>) {
-        let all = !LETTERS.iter().any(|&l| command.has(l));
+    /// G92: names the position anew; without axes nothing changes. `native` is
+    /// G92.9, which leaves the workspace's offset alone.
+    pub(crate) fn name_position(&mut self, command: &Command<'_>, native: bool) {
         for (axis, &letter) in LETTERS.iter().enumerate() {
-            if all || command.has(letter) {
-                let value = self.length(command, letter).unwrap_or(0.0);
-                self.at_mm[axis] = clamp(value);
+            if let Some(value) = self.length(command, letter) {
+                let before = std::mem::replace(&mut self.at_mm[axis], clamp(value));
+                if let Some(shift) = self.shift_mm.get_mut(axis).filter(|_| !native) {
+                    *shift += self.at_mm[axis] - before;
+                }
             }
         }
     }
 
-    /// G28: the axes named, or all three, are at 0 afterwards.
+    /// X, Y and Z as the steppers count them: without what G92 added.
+    pub(crate) fn native_mm(&self) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.at_mm[axis] - self.shift_mm[axis])
+    }
+
+    /// G28: the axes named are at 0 afterwards.
     pub(crate) fn home(&mut self, axes: [bool; 3]) {
         for (axis, homed) in axes.into_iter().enumerate() {
             if homed {
                 self.at_mm[axis] = 0.0;
+                self.shift_mm[axis] = 0.0;
+                self.homed[axis] = true;
             }
         }
+    }
+
+    pub(crate) fn is_homed(&self, axis: usize) -> bool {
+        self.homed[axis]
+    }
+
+    /// How far Z goes up before homing: so far from where it is when it is not known,
+    /// else up to there, and never down.
+    pub(crate) fn raise_before_homing(&mut self, raise_mm: f64) -> f64 {
+        let by_mm = if self.homed[2] { (raise_mm - self.at_mm[2]).max(0.0) } else { raise_mm };
+        self.at_mm[2] += by_mm;
+        by_mm
+    }
+
+    /// Moves that were planned were dropped: by so much it is not where it would be.
+    pub(crate) fn stopped_short(&mut self, left_mm: Axes) {
+        for axis in 0..3 {
+            self.at_mm[axis] -= left_mm[axis];
+        }
+        self.at_mm[3] -= left_mm[3] / self.flow_factor;
     }
 
     /// G0 to G3: the path to the new position, which holds from now on.
@@ -214,6 +249,14 @@ impl Path {
         Some(by)
     }
 
+    /// What was not taken of it.
+    pub(crate) fn rest(&self) -> Axes {
+        let here = self.point(self.done);
+        let mut rest = [0, 1, 2, 3].map(|axis| self.to[axis] - here[axis]);
+        rest[3] *= self.flow;
+        rest
+    }
+
     /// Takes the filament out of the path; true when there was any.
     pub(crate) fn stop_filament(&mut self) -> bool {
         let moved = self.to[3] != self.from[3];
@@ -270,7 +313,7 @@ mod tests {
                 (b'G', 20) => motion.set_inches(true),
                 (b'G', 90) => motion.set_relative(false),
                 (b'G', 91) => motion.set_relative(true),
-                (b'G', 92) => motion.name_position(&command),
+                (b'G', 92) => motion.name_position(&command, false),
                 (b'M', 83) => motion.set_e_relative(true),
                 (b'M', 221) => motion.flow_factor = command.value(b'S').unwrap() / 100.0,
                 _ => last = run(&mut motion, line),
@@ -290,7 +333,7 @@ mod tests {
         check(&["M83", "G1 X13 Y4 E1", "G1 E1"], [13.0, 4.0, 0.0, 2.0], 0.0, 1.0);
         check(&["G91", "G90", "G1 E1", "G1 E1"], [10.0, 0.0, 0.0, 1.0], 0.0, 0.0);
         check(&["G92 X0 E5", "G1 X1 E6"], [1.0, 0.0, 0.0, 6.0], 1.0, 1.0);
-        check(&["G92", "G1 Z1"], [0.0, 0.0, 1.0, 0.0], 1.0, 0.0);
+        check(&["G92", "G1 Z1"], [10.0, 0.0, 1.0, 0.0], 1.0, 0.0);
         check(&["G20", "G1 X1"], [25.4, 0.0, 0.0, 0.0], 15.4, 0.0);
         check(&["M221 S50", "G1 E2"], [10.0, 0.0, 0.0, 2.0], 0.0, 1.0);
         check(&["G1 F100"], [10.0, 0.0, 0.0, 0.0], 0.0, 0.0);

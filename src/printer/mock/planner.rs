@@ -1,4 +1,4 @@
-//! The motion planner: up to 15 moves ahead, trapezoids with look-ahead.
+//! The motion planner: as many moves ahead as its ring holds (15 of 16), trapezoids with look-ahead.
 //!
 //! Takes moves as lengths per axis and a speed; gives the times at which they
 //! end. Every move speeds up and slows down at its acceleration, and starts
@@ -18,7 +18,7 @@
 //! command; its times are those of the caller's clock.
 use std::collections::VecDeque;
 
-/// Marlin's BLOCK_BUFFER_SIZE: a ring of 16 that holds one move less.
+/// Marlin's own choice of BLOCK_BUFFER_SIZE: a ring of 16 that holds one move less.
 pub(crate) const BLOCKS: usize = 16;
 
 /// No move takes longer than this: coordinates are the host's, and a clock
@@ -56,6 +56,9 @@ pub struct Dynamics {
 
 #[derive(Clone, Copy, Debug)]
 struct Block {
+    by_mm: Axes,
+    /// Commands whose last move this is.
+    ends: u32,
     length_mm: f64,
     direction: Axes,
     nominal_mm_s: f64,
@@ -65,15 +68,35 @@ struct Block {
     entry_mm_s: f64,
 }
 
+/// A move that has run to its end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ran {
+    pub(crate) by_mm: Axes,
+    /// Commands that it was the last move of.
+    pub(crate) ends: u32,
+}
+
+/// What a stop left of the moves.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Stopped {
+    /// How far the running one got.
+    pub(crate) ran_mm: Axes,
+    /// All that was planned and will not happen.
+    pub(crate) left_mm: Axes,
+}
+
 /// The queue of moves and the one that runs.
 #[derive(Debug)]
 pub(crate) struct Planner {
+    /// Moves that the ring holds.
+    size: usize,
     pub(crate) dynamics: Dynamics,
     /// How many times faster than the real machine.
     speed: f64,
     /// The first one runs.
     blocks: VecDeque<Block>,
-    /// When the running one ends, and how fast it then is.
+    /// When the running one began and ends, and how fast it then is.
+    running_since_ns: u64,
     running_end_ns: u64,
     running_exit_mm_s: f64,
     /// Moves that have begun to run.
@@ -92,11 +115,15 @@ pub(crate) struct Planner {
 }
 
 impl Planner {
-    pub(crate) fn new(dynamics: Dynamics, speed: f64) -> Self {
+    /// `blocks` is BLOCK_BUFFER_SIZE.
+    pub(crate) fn new(dynamics: Dynamics, speed: f64, blocks: usize) -> Self {
+        let size = blocks.saturating_sub(1).max(1);
         Self {
+            size,
             dynamics,
             speed,
-            blocks: VecDeque::with_capacity(BLOCKS),
+            blocks: VecDeque::with_capacity(size),
+            running_since_ns: 0,
             running_end_ns: 0,
             running_exit_mm_s: 0.0,
             moves: 0,
@@ -115,12 +142,7 @@ impl Planner {
 
     /// Free places, as `P` of ADVANCED_OK.
     pub(crate) fn free(&self) -> usize {
-        BLOCKS - 1 - self.blocks.len()
-    }
-
-    /// Moves that are not made yet, the running one included.
-    pub(crate) fn planned(&self) -> usize {
-        self.blocks.len()
+        self.size - self.blocks.len()
     }
 
     /// When the running move ends.
@@ -129,11 +151,11 @@ impl Planner {
     }
 
     /// Adds a move; the caller has seen that there is room. A move of no
-    /// length is none.
-    pub(crate) fn push(&mut self, now_ns: u64, by_mm: Axes, feed_mm_s: f64) {
+    /// length is none: false then.
+    pub(crate) fn push(&mut self, now_ns: u64, by_mm: Axes, feed_mm_s: f64) -> bool {
         debug_assert!(self.free() > 0);
         let Some(block) = self.plan(by_mm, feed_mm_s) else {
-            return;
+            return false;
         };
         let idle = self.blocks.is_empty();
         self.blocks.push_back(block);
@@ -149,16 +171,28 @@ impl Planner {
         } else {
             self.look_ahead();
         }
+        true
+    }
+
+    /// The last move that was added is the last of its command: false when there is
+    /// none left to wait for.
+    pub(crate) fn end_command(&mut self) -> bool {
+        match self.blocks.back_mut() {
+            Some(last) => last.ends += 1,
+            None => return false,
+        }
+        true
     }
 
     /// Ends the move that ends now and starts the next without a pause.
-    pub(crate) fn end_move(&mut self, now_ns: u64) {
-        self.blocks.pop_front();
+    pub(crate) fn end_move(&mut self, now_ns: u64) -> Option<Ran> {
+        let ran = self.blocks.pop_front().map(|block| Ran { by_mm: block.by_mm, ends: block.ends });
         if self.blocks.is_empty() {
             self.gap = Some((now_ns, self.excused_ns));
         } else {
             self.start(now_ns);
         }
+        ran
     }
 
     /// The board itself waited (heating, dwelling, homing, a question to the
@@ -169,13 +203,27 @@ impl Planner {
         }
     }
 
-    /// Drops everything at once (M410, a kill, a reset).
-    pub(crate) fn stop(&mut self, now_ns: u64) {
-        if !self.blocks.is_empty() {
-            self.moving_ns -= self.running_end_ns.saturating_sub(now_ns);
-            self.blocks.clear();
-            self.gap = Some((now_ns, self.excused_ns));
+    /// Drops everything at once (M410, a kill, a reset). How far the running move got
+    /// is told by its time: its ramps are left out of account.
+    pub(crate) fn stop(&mut self, now_ns: u64) -> Stopped {
+        let mut stopped = Stopped::default();
+        if self.blocks.is_empty() {
+            return stopped;
         }
+        let left_ns = self.running_end_ns.saturating_sub(now_ns);
+        let lasts_ns = (self.running_end_ns - self.running_since_ns).max(1);
+        let done = 1.0 - (left_ns as f64 / lasts_ns as f64).clamp(0.0, 1.0);
+        for (at, block) in self.blocks.iter().enumerate() {
+            let part = if at == 0 { done } else { 0.0 };
+            for axis in 0..4 {
+                stopped.ran_mm[axis] += block.by_mm[axis] * part;
+                stopped.left_mm[axis] += block.by_mm[axis] * (1.0 - part);
+            }
+        }
+        self.moving_ns -= left_ns;
+        self.blocks.clear();
+        self.gap = Some((now_ns, self.excused_ns));
+        stopped
     }
 
     fn plan(&self, by_mm: Axes, feed_mm_s: f64) -> Option<Block> {
@@ -206,7 +254,16 @@ impl Planner {
         let entry_max_mm_s = self.blocks.back().map_or(0.0, |before| {
             self.corner(before, &direction, accel_mm_s2).min(before.nominal_mm_s).min(nominal_mm_s)
         });
-        Some(Block { length_mm, direction, nominal_mm_s, accel_mm_s2, entry_max_mm_s, entry_mm_s: 0.0 })
+        Some(Block {
+            by_mm,
+            ends: 0,
+            length_mm,
+            direction,
+            nominal_mm_s,
+            accel_mm_s2,
+            entry_max_mm_s,
+            entry_mm_s: 0.0,
+        })
     }
 
     /// The speed at which the corner between two moves may be taken.
@@ -260,6 +317,7 @@ impl Planner {
         let seconds = trapezoid_s(block, entry, exit).min(MOVE_S_MAX) / self.speed;
         let lasts_ns = (seconds * 1e9) as u64;
         self.running_exit_mm_s = exit;
+        self.running_since_ns = now_ns;
         self.running_end_ns = now_ns + lasts_ns;
         self.moving_ns += lasts_ns;
         self.moves += 1;
@@ -304,7 +362,7 @@ mod tests {
     }
 
     fn check_one(by: Axes, feed: f64, expect_s: f64) {
-        let mut planner = Planner::new(dynamics(), 1.0);
+        let mut planner = Planner::new(dynamics(), 1.0, BLOCKS);
         planner.push(0, by, feed);
         let took = drain(&mut planner) as f64 / 1e9;
         assert!((took - expect_s).abs() < 1e-6, "{by:?} F{feed}: {took} s");
@@ -331,7 +389,7 @@ mod tests {
     #[test]
     fn straight_on_there_is_no_stop_and_back_there_is() {
         let run = |second: Axes| {
-            let mut planner = Planner::new(dynamics(), 1.0);
+            let mut planner = Planner::new(dynamics(), 1.0, BLOCKS);
             planner.push(0, [1e-3, 0.0, 0.0, 0.0], 100.0);
             planner.push(0, [50.0, 0.0, 0.0, 1.0], 100.0);
             planner.push(0, second, 100.0);
@@ -350,7 +408,7 @@ mod tests {
     fn junction_deviation_slows_corners_too() {
         let mut with = dynamics();
         with.cornering = Cornering::JunctionMm(0.013);
-        let mut planner = Planner::new(with, 1.0);
+        let mut planner = Planner::new(with, 1.0, BLOCKS);
         planner.push(0, [1.0, 0.0, 0.0, 0.0], 100.0);
         let right_angle = planner.plan([0.0, 1.0, 0.0, 0.0], 100.0).unwrap();
         // v² = a·d·s/(1-s) with s = sin 45°.
@@ -365,7 +423,7 @@ mod tests {
 
     #[test]
     fn empty_time_is_what_lies_between_moves_and_is_not_the_firmwares() {
-        let mut planner = Planner::new(dynamics(), 1.0);
+        let mut planner = Planner::new(dynamics(), 1.0, BLOCKS);
         let ten = [10.0, 0.0, 0.0, 0.0];
         planner.push(0, ten, 10.0);
         let first = planner.next_end_ns().unwrap();
@@ -388,11 +446,15 @@ mod tests {
 
     #[test]
     fn a_faster_clock_and_a_stop() {
-        let mut planner = Planner::new(dynamics(), 10.0);
+        let mut planner = Planner::new(dynamics(), 10.0, BLOCKS);
         planner.push(0, [100.0, 0.0, 0.0, 0.0], 100.0);
         assert_eq!(planner.next_end_ns(), Some(110_000_000));
-        planner.stop(10_000_000);
-        assert_eq!(planner.moving_ns, 10_000_000);
+        planner.push(0, [0.0, 50.0, 0.0, 1.0], 100.0);
+        let stopped = planner.stop(11_000_000);
+        assert_eq!(planner.moving_ns, 11_000_000);
+        // Of 110 ms a tenth was over.
+        assert!((stopped.ran_mm[0] - 10.0).abs() < 1e-9 && (stopped.left_mm[0] - 90.0).abs() < 1e-9);
+        assert_eq!((stopped.ran_mm[1], stopped.left_mm[1], stopped.left_mm[3]), (0.0, 50.0, 1.0));
         assert!(planner.is_empty() && planner.next_end_ns().is_none());
     }
 
@@ -404,7 +466,7 @@ mod tests {
             for cornering in [Cornering::JerkMmS(8.0), Cornering::JunctionMm(0.013)] {
                 let mut with = dynamics();
                 with.cornering = cornering;
-                let mut planner = Planner::new(with, 1.0);
+                let mut planner = Planner::new(with, 1.0, BLOCKS);
                 let (mut least, mut most) = (0.0, 0.0);
                 for (x, y, e, feed) in &moves {
                     let by = [*x, *y, 0.0, *e];

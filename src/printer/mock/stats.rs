@@ -71,6 +71,32 @@ pub struct Stats {
     /// When the first line came that was not the host's own (see
     /// [`is_hosts_own`]), in s since the mock was started; 0 before.
     pub first_job_line_s: f64,
+    /// Commands G0 to G3 whose last move has run to its end, over all connections,
+    /// numberings and resets. What a reset threw out of the planner is not among them.
+    pub executed: u64,
+    /// FNV-1a, 64 bits, in hexadecimal, over these commands in the order in which they
+    /// ended, each as in `digest`: over all connections, numberings and resets.
+    pub executed_digest: String,
+    /// Moves that put filament down.
+    pub deposits: u64,
+    /// FNV-1a over these moves: where each really began and ended, and its filament, in
+    /// thousandths of a millimetre. Two prints with the same digest are the same part.
+    pub deposit_digest: String,
+    /// Times that the nozzle was driven into what it had printed, or X or Y moved after
+    /// a reset before Z was raised, or Z was homed over a part. See `body`.
+    pub crashes: u64,
+    /// Moves after a reset of a nozzle that stuck to the part because it was cold.
+    pub moved_cold: u64,
+    /// Height of the nozzle over the bed when X or Y first moved since the last reset
+    /// that happened with a part on the bed, mm.
+    pub first_xy_after_reset_z_mm: Option<f64>,
+    /// Where the nozzle really is: X, Y, Z, mm. `position_mm` is what the firmware
+    /// believes, and where the queued moves end.
+    pub true_position_mm: [f64; 3],
+    /// The highest of what was printed and not yet taken off the bed, mm.
+    pub part_top_mm: f64,
+    /// How often the power was cut.
+    pub power_cuts: u64,
     /// How often the serial device was opened.
     pub connects: u64,
     /// How often the board started.
@@ -81,7 +107,17 @@ pub struct Stats {
     pub real_s: f64,
     /// Simulated time since then, s: real time times `--speed`.
     pub simulated_s: f64,
-    /// Nozzle now and its target, °C.
+    /// Whether any heater has a target.
+    pub heaters_on: bool,
+    /// Each extruder's nozzle: now and its target, °C.
+    pub nozzles_c: Vec<[f64; 2]>,
+    /// The chamber, where there is one: now and its target, °C.
+    pub chamber_c: Option<[f64; 2]>,
+    /// The extruder in use, from 0.
+    pub tool: usize,
+    /// Whether bed levelling is on (M420 S1).
+    pub levelling_on: bool,
+    /// The nozzle in use now, °C.
     pub nozzle_c: f64,
     /// The nozzle's target, °C; 0 is off.
     pub nozzle_target_c: f64,
@@ -118,9 +154,20 @@ impl Digest {
         if is_hosts_own(command) {
             return;
         }
-        for &byte in command.iter().chain(b"\n") {
+        self.mix(command);
+        self.mix(b"\n");
+        self.lines += 1;
+    }
+
+    /// Adds bytes that are no line of their own.
+    pub(crate) fn mix(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
             self.state = (self.state ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
+    }
+
+    /// What was mixed in so far was one more.
+    pub(crate) fn count(&mut self) {
         self.lines += 1;
     }
 

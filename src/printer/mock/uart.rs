@@ -90,6 +90,9 @@ impl Uart {
 
     /// When the next line end arrives, or else the last byte on the wire.
     pub(crate) fn next_line_ns(&self) -> Option<u64> {
+        if self.byte_ns == 0 && !self.wire.is_empty() {
+            return Some(self.wire_next_ns);
+        }
         let bytes = match self.wire.iter().position(|b| is_line_end(*b)) {
             Some(at) => at,
             None => self.wire.len().checked_sub(1)?,
@@ -172,6 +175,37 @@ impl Uart {
         }
     }
 
+    /// The cable is pulled out: what is on it goes nowhere.
+    pub(crate) fn unplug(&mut self) {
+        self.wire.clear();
+        self.out.clear();
+        self.pieces.clear();
+    }
+
+    /// Takes the bytes off the wire that have arrived by then and belong to a line whose
+    /// end is still to come; gives when the last of them arrived.
+    pub(crate) fn take_run(&mut self, until_ns: u64, to: &mut Vec<u8>) -> Option<u64> {
+        if self.wire.is_empty() || self.wire_next_ns > until_ns {
+            return None;
+        }
+        let arrived = match self.byte_ns {
+            0 => self.wire.len(),
+            byte_ns => ((until_ns - self.wire_next_ns) / byte_ns + 1).min(WIRE_BYTES_MAX as u64) as usize,
+        };
+        let (front, _) = self.wire.as_slices();
+        let front = &front[..front.len().min(arrived)];
+        let bytes = front.iter().position(|b| is_line_end(*b)).unwrap_or(front.len());
+        if bytes == 0 {
+            return None;
+        }
+        to.extend_from_slice(&front[..bytes]);
+        self.wire.drain(..bytes);
+        let last_ns = self.wire_next_ns + self.byte_ns * (bytes as u64 - 1);
+        self.wire_idle_ns = last_ns;
+        self.wire_next_ns = last_ns + self.byte_ns;
+        Some(last_ns)
+    }
+
     /// A reset of the board: what it had received and what it was sending is gone.
     /// What the adapter holds already is not.
     pub(crate) fn reset(&mut self, now_ns: u64) {
@@ -211,6 +245,14 @@ mod tests {
         uart.arrive();
         uart.write(900_000, b"x");
         assert_eq!(uart.next_arrival_ns(), Some(940_000));
+        // A run of bytes takes what has arrived, and no line end.
+        uart.write(900_000, b"yz\nu");
+        let mut run = Vec::new();
+        assert_eq!(uart.take_run(939_999, &mut run), None);
+        assert_eq!(uart.take_run(980_000, &mut run), Some(980_000));
+        assert_eq!(uart.take_run(2_000_000, &mut run), Some(1_020_000));
+        assert_eq!((run.as_slice(), uart.take_run(2_000_000, &mut Vec::new())), (b"xyz".as_slice(), None));
+        assert_eq!(uart.next_arrival_ns(), Some(1_060_000));
     }
 
     #[test]

@@ -12,6 +12,8 @@ pub(crate) struct Command<'a> {
     pub(crate) letter: u8,
     /// The number after the letter.
     pub(crate) code: u32,
+    /// What follows it after a point: 9 in `G92.9`.
+    pub(crate) sub: u32,
     /// From the command's letter to before the checksum, for messages.
     pub(crate) whole: &'a [u8],
     /// What follows the code, without the checksum.
@@ -25,7 +27,7 @@ impl<'a> Command<'a> {
         // The first letter is passed over in the search, as Marlin does.
         let end = line.iter().skip(1).position(|&b| b == b'*').map_or(line.len(), |at| at + 1);
         let whole = trim_end(&line[..end]);
-        let unknown = Self { letter: b'?', code: 0, whole, rest: &[] };
+        let unknown = Self { letter: b'?', code: 0, sub: 0, whole, rest: &[] };
         let Some((&letter, after)) = whole.split_first() else {
             return unknown;
         };
@@ -33,11 +35,12 @@ impl<'a> Command<'a> {
         if !matches!(letter, b'G' | b'M' | b'T') || !after.first().is_some_and(u8::is_ascii_digit) {
             return unknown;
         }
-        let digits = after.iter().take_while(|b| b.is_ascii_digit()).count();
-        let code = after[..digits]
-            .iter()
-            .fold(0u32, |n, b| n.saturating_mul(10).saturating_add(u32::from(b - b'0')));
-        Self { letter, code, whole, rest: trim_start(&after[digits..]) }
+        let (code, after) = whole_number(after);
+        let (sub, after) = match after.split_first() {
+            Some((b'.', more)) => whole_number(more),
+            _ => (0, after),
+        };
+        Self { letter, code, sub, whole, rest: trim_start(after) }
     }
 
     /// Whether a parameter is there, with a value or without.
@@ -63,6 +66,14 @@ impl<'a> Command<'a> {
         }
         None
     }
+}
+
+/// The digits at the beginning as a number, and what follows them.
+fn whole_number(text: &[u8]) -> (u32, &[u8]) {
+    let digits = text.iter().take_while(|b| b.is_ascii_digit()).count();
+    let number =
+        text[..digits].iter().fold(0u32, |n, b| n.saturating_mul(10).saturating_add(u32::from(b - b'0')));
+    (number, &text[digits..])
 }
 
 /// The number at the beginning of some bytes: a sign, digits, a point, digits.
@@ -118,6 +129,10 @@ mod tests {
         check("T0", b'T', 0, "");
         check("G1X1Y2", b'G', 1, "X1Y2");
         check("M117 a*b", b'M', 117, "a");
+        check("G92.9 Z1.5", b'G', 92, "Z1.5");
+        check("G92.9Z1.5", b'G', 92, "Z1.5");
+        assert_eq!(Command::parse(b"G92.9 Z1").sub, 9);
+        assert_eq!(Command::parse(b"G92 Z1").sub, 0);
         check("g1 X1", b'?', 0, "");
         check("X4 G1", b'?', 0, "");
         check("G", b'?', 0, "");

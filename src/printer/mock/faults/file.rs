@@ -9,6 +9,7 @@ pub const HELP: &str = r#"Faults of the mock printer, in TOML. All parts are opt
 [random]              # shares of the numbered lines, 0 to 1
 seed = 7              # the same seed gives the same faults
 corrupt_line = 0.01   # one byte is damaged on its way in
+lose_line = 0.01      # the line never arrives
 drop_ok = 0.01        # the line's ok is not sent
 garble_reply = 0.01   # one byte of the line's ok is damaged
 
@@ -27,14 +28,26 @@ do                 needs  what happens
 corrupt_line              a byte of the line is damaged before it is checked
 resend_without_ok         the same, and the ok after its "Resend:" is missing,
                           as in some versions of Marlin
+lose_line                 the line never arrives
+drop_byte                 a byte of the line never arrives (byte, as above)
 drop_ok                   the line is executed, its ok is not sent
 garble_reply              a byte of its ok is damaged
+cut_reply                 the second half of its ok and the line end are lost
 noise              text   these bytes go out before its ok, without a line end
 say                text   this line goes out, e.g. "//action:pause"
 kill               text   "Error:" and this text, then the board halts
 reset                     the board restarts, as after a brown-out
 hang               for_s  the board does nothing for so long; bytes are lost
-hang_up            for_s  the serial device is gone for so long
+hang_up (unplug)   for_s  the serial device is gone for so long, and what is on
+                          the wire is lost; the board goes on, or with
+                          reset = true it has restarted when the device is back
+blocked            for_s  the device takes no more bytes from the host
+power_cut          for_s  no power: the position is lost, it cools; Z sinks by
+                          sag_mm (default 0); with unplugs = true the serial
+                          device is gone meanwhile
+filament_out              the runout sensor: //action:out_of_filament, and the
+                          board waits as for M600
+part_removed              somebody takes the part off the bed
 "#;
 
 /// Most entries of a faults file: each is looked at for every line.
@@ -42,6 +55,9 @@ const FAULTS_MAX: usize = 1000;
 
 /// Longest `for_s` and `at_s`: a day.
 const SECONDS_MAX: f64 = 86_400.0;
+
+/// Farthest that an axis sinks, mm: a carriage falls no farther than its frame.
+const SAG_MM_MAX: f64 = 100.0;
 
 /// Longest `text`, in bytes.
 const TEXT_BYTES_MAX: usize = 200;
@@ -60,7 +76,15 @@ pub enum Kind {
     Kill,
     Reset,
     Hang,
+    #[serde(alias = "unplug")]
     HangUp,
+    LoseLine,
+    DropByte,
+    CutReply,
+    Blocked,
+    PowerCut,
+    FilamentOut,
+    PartRemoved,
 }
 
 impl Kind {
@@ -77,6 +101,13 @@ impl Kind {
             Self::Reset => "reset",
             Self::Hang => "hang",
             Self::HangUp => "hang_up",
+            Self::LoseLine => "lose_line",
+            Self::DropByte => "drop_byte",
+            Self::CutReply => "cut_reply",
+            Self::Blocked => "blocked",
+            Self::PowerCut => "power_cut",
+            Self::FilamentOut => "filament_out",
+            Self::PartRemoved => "part_removed",
         }
     }
 }
@@ -100,6 +131,12 @@ pub struct Fault {
     pub byte: Option<usize>,
     /// For how many arrivals of the line (default 1).
     pub times: Option<u32>,
+    /// How far Z sinks without power, mm.
+    pub sag_mm: Option<f64>,
+    /// The serial device goes with the power.
+    pub unplugs: Option<bool>,
+    /// The board has restarted when the device is back.
+    pub reset: Option<bool>,
 }
 
 /// Shares of lines that something happens to.
@@ -110,6 +147,8 @@ pub struct Random {
     pub seed: u64,
     /// Share of lines, 0 to 1.
     pub corrupt_line: f64,
+    /// Share of lines, 0 to 1.
+    pub lose_line: f64,
     /// Share of lines, 0 to 1.
     pub drop_ok: f64,
     /// Share of lines, 0 to 1.
@@ -162,8 +201,18 @@ impl Fault {
         if !seconds(self.at_s) || !seconds(self.for_s) {
             return Some("at_s and for_s are seconds from 0 to 86400");
         }
-        if matches!(self.kind, Kind::Hang | Kind::HangUp) != self.for_s.is_some() {
-            return Some("hang and hang_up need for_s, and nothing else has it");
+        let lasts = matches!(self.kind, Kind::Hang | Kind::HangUp | Kind::Blocked | Kind::PowerCut);
+        if lasts != self.for_s.is_some() {
+            return Some("hang, hang_up, blocked and power_cut need for_s, and nothing else has it");
+        }
+        if self.kind != Kind::PowerCut && (self.sag_mm.is_some() || self.unplugs.is_some()) {
+            return Some("only power_cut has sag_mm and unplugs");
+        }
+        if !self.sag_mm.is_none_or(|mm| (0.0..=SAG_MM_MAX).contains(&mm)) {
+            return Some("sag_mm is from 0 to 100");
+        }
+        if self.kind != Kind::HangUp && self.reset.is_some() {
+            return Some("only hang_up has reset");
         }
         if matches!(self.kind, Kind::Noise | Kind::Say | Kind::Kill) != self.text.is_some() {
             return Some("noise, say and kill need text, and nothing else has it");
@@ -171,8 +220,9 @@ impl Fault {
         if self.text.as_ref().is_some_and(|t| t.len() > TEXT_BYTES_MAX) {
             return Some("text has more than 200 bytes");
         }
-        if self.byte.is_some() && !matches!(self.kind, Kind::CorruptLine | Kind::ResendWithoutOk) {
-            return Some("only corrupt_line and resend_without_ok have byte");
+        let hits_byte = matches!(self.kind, Kind::CorruptLine | Kind::ResendWithoutOk | Kind::DropByte);
+        if self.byte.is_some() && !hits_byte {
+            return Some("only corrupt_line, resend_without_ok and drop_byte have byte");
         }
         if self.times == Some(0) || times_without_line {
             return Some("times is at least 1 and goes with at_line");
@@ -185,6 +235,7 @@ impl Fault {
 pub(super) fn check(random: Random, faults: &[Fault]) -> Result<(), FaultsError> {
     for (key, value) in [
         ("corrupt_line", random.corrupt_line),
+        ("lose_line", random.lose_line),
         ("drop_ok", random.drop_ok),
         ("garble_reply", random.garble_reply),
     ] {
@@ -249,6 +300,13 @@ mod tests {
         check_file(&fault("at_s=1\ndo='hang'"), "need for_s");
         check_file(&fault("at_s=1\nfor_s=1\ndo='reset'"), "nothing else");
         check_file(&fault("at_s=1\ndo='say'"), "need text");
+        check_file(&fault("at_s=1\nfor_s=1\ndo='power_cut'\nsag_mm=0.4\nunplugs=true"), "");
+        check_file(&fault("at_s=1\nfor_s=1\ndo='power_cut'\nsag_mm=-1"), "sag_mm");
+        check_file(&fault("at_s=1\ndo='power_cut'"), "need for_s");
+        check_file(&fault("at_s=1\nfor_s=1\ndo='hang'\nsag_mm=1"), "only power_cut");
+        check_file(&fault("at_s=1\nfor_s=1\ndo='unplug'\nreset=true"), "");
+        check_file(&fault("at_s=1\nfor_s=1\ndo='hang'\nreset=true"), "only hang_up");
+        check_file(&fault("at_line=1\ndo='lose_line'"), "");
         check_file(&fault("at_s=1\ndo='reset'\nbyte=1"), "byte");
         check_file(&fault("at_s=1\ndo='drop_ok'\ntimes=2"), "times");
         check_file(&"[[fault]]\nat_s=1\ndo='reset'\n".repeat(1001), "at most 1000");

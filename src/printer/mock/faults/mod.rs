@@ -13,8 +13,20 @@ pub use file::{Fault, FaultsError, HELP, Kind, Random};
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
     random: Random,
+    /// Whether any share of `random` is above 0.
+    by_chance: bool,
     state: u64,
     pending: Vec<(Fault, u32)>,
+}
+
+/// What became of a line on its way in, besides damaged bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Damage {
+    None,
+    /// It never arrived.
+    Lost,
+    /// The resend request that follows must lack its `ok`.
+    ResendWithoutOk,
 }
 
 impl Faults {
@@ -35,6 +47,9 @@ impl Faults {
         file::check(random, &faults)?;
         Ok(Self {
             random,
+            by_chance: [random.corrupt_line, random.lose_line, random.drop_ok, random.garble_reply]
+                .iter()
+                .any(|share| *share > 0.0),
             // Any odd number spreads the seeds; 0 would stay 0 for ever.
             state: random.seed.wrapping_mul(2) | 1,
             pending: faults.into_iter().map(|f| (f.clone(), f.times.unwrap_or(1))).collect(),
@@ -47,29 +62,41 @@ impl Faults {
         self.pending.insert(0, (fault, times));
     }
 
-    /// A line has come: damages it if it is its turn. True when the resend
-    /// request that follows must lack its `ok`.
-    pub(crate) fn damage(&mut self, number: Option<i64>, line: &mut [u8]) -> bool {
-        if number.is_none() || line.is_empty() {
-            return false;
+    /// A line has come: damages it if it is its turn.
+    pub(crate) fn damage(&mut self, number: Option<i64>, line: &mut Vec<u8>) -> Damage {
+        if number.is_none() || line.is_empty() || self.is_over() {
+            return Damage::None;
         }
-        let kinds = [Kind::CorruptLine, Kind::ResendWithoutOk];
+        let kinds = [Kind::CorruptLine, Kind::ResendWithoutOk, Kind::LoseLine, Kind::DropByte];
         if let Some(fault) = self.take_for_line(number, &kinds) {
             let at = fault.byte.unwrap_or(line.len() / 2).min(line.len() - 1);
-            line[at] ^= 1;
-            return fault.kind == Kind::ResendWithoutOk;
+            match fault.kind {
+                Kind::LoseLine => return Damage::Lost,
+                Kind::DropByte => drop(line.remove(at)),
+                _ => line[at] ^= 1,
+            }
+            let silent = fault.kind == Kind::ResendWithoutOk;
+            return if silent { Damage::ResendWithoutOk } else { Damage::None };
+        }
+        if self.chance(self.random.lose_line) {
+            return Damage::Lost;
         }
         if self.chance(self.random.corrupt_line) {
             let at = (self.next() >> 32) as usize % line.len();
             // The low bits: letters and digits become others of their kind.
             line[at] ^= 1 << (self.next() >> 62);
         }
-        false
+        Damage::None
+    }
+
+    /// Nothing is left to happen: the common case, and it should cost nothing.
+    fn is_over(&self) -> bool {
+        self.pending.is_empty() && !self.by_chance
     }
 
     /// The `ok` of a line is to go out: changes its bytes.
     pub(crate) fn reply(&mut self, number: Option<i64>, ok: &mut Vec<u8>) {
-        if number.is_none() {
+        if number.is_none() || self.is_over() {
             return;
         }
         if self.take_for_line(number, &[Kind::DropOk]).is_some() || self.chance(self.random.drop_ok) {
@@ -84,6 +111,9 @@ impl Faults {
             if let Some(byte) = ok.get_mut(at) {
                 *byte ^= 0x04;
             }
+        }
+        if self.take_for_line(number, &[Kind::CutReply]).is_some() {
+            ok.truncate(ok.len() / 2);
         }
         while let Some(fault) = self.take_for_line(number, &[Kind::Noise]) {
             let text = fault.text.unwrap_or_default();
@@ -150,7 +180,17 @@ fn at_ns(fault: &Fault) -> Option<u64> {
 }
 
 /// Faults that do not concern one line's bytes or its `ok`.
-const EVENTS: [Kind; 5] = [Kind::Say, Kind::Kill, Kind::Reset, Kind::Hang, Kind::HangUp];
+const EVENTS: [Kind; 9] = [
+    Kind::Say,
+    Kind::Kill,
+    Kind::Reset,
+    Kind::Hang,
+    Kind::HangUp,
+    Kind::Blocked,
+    Kind::PowerCut,
+    Kind::FilamentOut,
+    Kind::PartRemoved,
+];
 
 #[cfg(test)]
 mod tests {
@@ -168,7 +208,7 @@ mod tests {
         let mut arrivals = Vec::new();
         for _ in 0..3 {
             let mut line = b"N5 G1*1".to_vec();
-            assert!(!faults.damage(Some(5), &mut line));
+            assert_eq!(faults.damage(Some(5), &mut line), Damage::None);
             arrivals.push(line[0]);
         }
         assert_eq!(arrivals, b"OON");
@@ -208,9 +248,9 @@ mod tests {
             let mut faults = Faults::new(random, Vec::new()).unwrap();
             (0..10_000)
                 .filter(|&n| {
-                    let mut line = *b"N1 G1 X1*77";
+                    let mut line = b"N1 G1 X1*77".to_vec();
                     faults.damage(Some(n), &mut line);
-                    line != *b"N1 G1 X1*77"
+                    line != b"N1 G1 X1*77"
                 })
                 .collect::<Vec<_>>()
         };

@@ -2,12 +2,15 @@
 //!
 //! Takes the bytes that have arrived, gives queued commands and the words of a
 //! refusal. Knows not what a command does.
+use super::super::config::Repeats;
 use super::super::emergency::Emergency;
+use super::super::faults::Damage;
 use super::super::line::{Verdict, number_of};
+use super::super::report;
 use super::super::stats::Digest;
 use super::super::words::Command;
 use super::wait::Wait;
-use super::{BUFSIZE, Firmware, Power, Queued};
+use super::{Firmware, Power, Queued};
 
 impl Firmware {
     /// One byte comes in, as in the receive interrupt.
@@ -32,9 +35,35 @@ impl Firmware {
         self.uart.keep(byte);
     }
 
+    /// Takes a run of bytes within a line from the wire straight to the line, where the
+    /// receive buffer would only hand them on: the same, many at a time.
+    pub(super) fn take_run_of_bytes(&mut self, until_ns: u64) {
+        let free = self.power == Power::Running
+            && self.uart.rx_is_empty()
+            && self.queue.len() < self.config.queue
+            && self
+                .uart
+                .next_arrival_ns()
+                .is_some_and(|at| at <= until_ns && at >= self.hung_until_ns && at >= self.uart.tx_free_ns());
+        if !free {
+            return;
+        }
+        let mut run = std::mem::take(&mut self.run_of_bytes);
+        run.clear();
+        if let Some(last_ns) = self.uart.take_run(until_ns, &mut run) {
+            self.now_ns = self.now_ns.max(last_ns);
+            if self.config.emergency_parser {
+                self.emergency.take_run(&run);
+            }
+            self.line.take_run(&run);
+            self.uart.rx_bytes_most = self.uart.rx_bytes_most.max(1);
+        }
+        self.run_of_bytes = run;
+    }
+
     pub(super) fn read_lines(&mut self) -> bool {
         let mut any = false;
-        while self.queue.len() < BUFSIZE && self.power == Power::Running {
+        while self.queue.len() < self.config.queue && self.power == Power::Running {
             let Some(byte) = self.uart.read() else {
                 break;
             };
@@ -51,31 +80,35 @@ impl Firmware {
 
     /// Judges a line and queues it; false when it was refused.
     pub(super) fn take_line(&mut self, mut line: Vec<u8>) -> bool {
-        self.counts.lines_received += 1;
         let number = number_of(&line);
         let next = number.unwrap_or(self.numbering.last.saturating_add(1));
         self.faults.arm(self.now_ns, next);
-        self.resend_without_ok = self.faults.damage(number, &mut line);
+        match self.faults.damage(number, &mut line) {
+            Damage::None => self.resend_without_ok = false,
+            Damage::ResendWithoutOk => self.resend_without_ok = true,
+            Damage::Lost => return true,
+        }
+        self.counts.lines_received += 1;
         let before = self.numbering.last;
-        let number = match self.numbering.judge(&line) {
+        let verdict = if self.config.habits.checks_lines {
+            self.numbering.judge(&line)
+        } else {
+            Verdict::Accept(number_of(&line))
+        };
+        let number = match verdict {
             Verdict::Accept(number) => number,
-            Verdict::Repeat => {
+            Verdict::Repeat if self.config.habits.repeats == Repeats::Dropped => {
                 self.counts.repeats_dropped += 1;
                 return true;
             }
-            Verdict::WrongNumber(_) => {
-                self.counts.lines_out_of_order += 1;
-                self.refuse("Line Number is not Last Line Number+1, Last Line: ");
-                return false;
+            Verdict::Repeat if self.config.habits.repeats == Repeats::Skipped => {
+                self.counts.repeats_dropped += 1;
+                self.say(format!("skip {}\nok\n", number.unwrap_or(0)).as_bytes());
+                return true;
             }
-            Verdict::WrongChecksum => {
-                self.counts.checksum_errors += 1;
-                self.refuse("checksum mismatch, Last Line: ");
-                return false;
-            }
-            Verdict::NoChecksum => {
-                self.counts.checksums_missing += 1;
-                self.refuse("No Checksum with line number, Last Line: ");
+            refused => {
+                self.count_refusal(&refused);
+                self.refuse(&refused);
                 return false;
             }
         };
@@ -90,8 +123,19 @@ impl Firmware {
         if self.power == Power::Running {
             self.queue.push_back(Queued { line, number });
             self.counts.queue_most = self.counts.queue_most.max(self.queue.len());
+            if self.config.habits.ok_when_queued {
+                self.say_ok(number, "");
+            }
         }
         true
+    }
+
+    fn count_refusal(&mut self, why: &Verdict) {
+        match why {
+            Verdict::WrongChecksum => self.counts.checksum_errors += 1,
+            Verdict::NoChecksum => self.counts.checksums_missing += 1,
+            _ => self.counts.lines_out_of_order += 1,
+        }
     }
 
     pub(super) fn count_number(&mut self, before: i64, n: i64, line: &[u8]) {
@@ -137,17 +181,21 @@ impl Firmware {
     pub(super) fn emergency(&mut self, what: Emergency) {
         match what {
             Emergency::Kill => self.kill(""),
-            Emergency::QuickStop => {
-                self.planner.stop(self.now_ns);
-                if matches!(self.wait, Some((Wait::Room(_), _))) {
-                    self.finish();
-                }
-            }
+            Emergency::QuickStop => self.quick_stop(),
             Emergency::GoOn | Emergency::Answer => {
-                if matches!(self.wait, Some((Wait::Heat(_) | Wait::User(_), _))) {
+                if matches!(self.wait, Some((Wait::Heat(_) | Wait::User { .. }, _))) {
                     self.finish();
                 }
             }
+        }
+    }
+
+    /// M410: the moves end here, and what is left of the command that makes some.
+    pub(super) fn quick_stop(&mut self) {
+        self.stop_moves();
+        if let Some((Wait::Room(path), _)) = &self.wait {
+            self.motion.stopped_short(path.rest());
+            self.finish();
         }
     }
 
@@ -155,11 +203,10 @@ impl Firmware {
     /// still on the wire comes afterwards, and if the buffer ended in the
     /// middle of a line, the rest of that line comes as a line of its own: so
     /// it is on a real board.
-    pub(super) fn refuse(&mut self, why: &str) {
-        let last = self.numbering.last;
+    pub(super) fn refuse(&mut self, why: &Verdict) {
         self.line.clear();
         let ok = !std::mem::take(&mut self.resend_without_ok);
-        let text = format!("Error:{why}{last}\n");
+        let text = report::refusal(self.config.habits.repeats, why, self.numbering.last);
         self.say(text.as_bytes());
         self.ask_resend(ok);
     }
@@ -169,7 +216,10 @@ impl Firmware {
         self.uart.flush_rx();
         self.counts.resends_asked += 1;
         let next = self.numbering.last.saturating_add(1);
-        let text = format!("Resend: {next}\n{}", if ok { "ok\n" } else { "" });
+        let mut text = report::resend(self.config.habits.resend, next);
+        if ok && self.config.habits.resend_ok {
+            text.push_str("ok\n");
+        }
         self.say(text.as_bytes());
     }
 }

@@ -9,31 +9,32 @@
 //!
 //! # Layout
 //! Here the state, the clock and the main loop · `intake` from bytes to the
-//! queue · `execute` what commands do · `wait` what they wait for · `power`
-//! starting, halting, faults · `watch` what was done, for who judges it.
-use super::config::Config;
+//! queue · `execute` what commands do, `set` those that set values · `wait` what
+//! they wait for · `deeds` which of them have really run · `power` starting,
+//! halting, faults · `watch` for who judges a run.
+use super::body::Body;
+use super::config::{Config, EXTRUDERS_MAX, OkForm};
 use super::emergency::EmergencyParser;
 use super::faults::Faults;
 use super::heater::{self, Heater};
 use super::line::{LineBuffer, Numbering};
 use super::motion::Motion;
 use super::planner::Planner;
-use super::report;
+use super::report::{self, Heaters};
 use super::stats::{Digest, Stats};
 use super::uart::Uart;
 use std::collections::VecDeque;
 use wait::Wait;
 
+mod deeds;
 mod execute;
 mod intake;
 mod power;
+mod set;
 mod wait;
 mod watch;
 
-pub use watch::{Deed, Did};
-
-/// Marlin's BUFSIZE: commands in the queue, the one being executed included.
-const BUFSIZE: usize = 4;
+pub use deeds::Executed;
 
 /// Marlin's DEFAULT_KEEPALIVE_INTERVAL.
 const BUSY_S: f64 = 2.0;
@@ -51,6 +52,8 @@ enum Power {
     Running,
     /// After `kill()`: only a reset helps.
     Halted,
+    /// Without power until then.
+    Off(u64),
 }
 
 /// The board.
@@ -66,14 +69,36 @@ pub struct Firmware {
     wait: Option<(Wait, u64)>,
     pub(super) planner: Planner,
     motion: Motion,
-    nozzle: Heater,
-    bed: Heater,
+    body: Body,
+    heaters: Heaters,
     fan: u8,
+    levelling_on: bool,
     cold_extrusion_allowed: bool,
     now_ns: u64,
     power: Power,
     boot_cause: &'static str,
     hung_until_ns: u64,
+    /// The device takes no bytes until then.
+    blocked_until_ns: u64,
+    /// The device is gone until then; whether the board has restarted when it is back.
+    gone_until_ns: u64,
+    reset_at_ns: Option<u64>,
+    /// The filament ended; M600 comes before the next command.
+    runout: bool,
+    /// What waits is no command of the queue.
+    injected: bool,
+    /// The position is told before the next `ok`.
+    tell_position: bool,
+    /// When an idle board says `wait`.
+    wait_next_ns: u64,
+    /// Moves whose end has not come, and what has been executed.
+    deeds: VecDeque<deeds::Deed>,
+    /// The text of the command that is being executed, if it is no move.
+    current: Vec<u8>,
+    executed: Vec<Executed>,
+    executed_digest: Digest,
+    /// Bytes on their way from the wire to the line.
+    run_of_bytes: Vec<u8>,
     /// M155: interval and next time.
     auto_report: Option<(u64, u64)>,
     /// M113: interval, 0 for never.
@@ -89,8 +114,8 @@ pub struct Firmware {
     highest: i64,
     digest: Digest,
     counts: Stats,
-    /// What was done since somebody looked; `None`: nobody looks.
-    deeds: Option<Vec<Deed>>,
+    /// When it began to start, each time.
+    starts_ns: Vec<u64>,
 }
 
 impl Firmware {
@@ -98,26 +123,46 @@ impl Firmware {
     /// on and hears nothing yet; another has been on for
     /// long, so that a host that opens the port hears no `start`.
     pub fn new(config: Config, faults: Faults) -> Self {
+        let machine = &config.machine;
+        let extruders = machine.extruders.clamp(1, EXTRUDERS_MAX);
         let mut board = Self {
             uart: Uart::new(config.baud, config.rx_bytes).with_latency(config.latency_ns),
-            planner: Planner::new(config.machine.dynamics, config.speed),
+            planner: Planner::new(machine.dynamics, config.speed, config.blocks),
+            heaters: Heaters {
+                nozzles: vec![Heater::new(heater::NOZZLE); extruders],
+                tool: 0,
+                bed: Heater::new(heater::BED),
+                chamber: machine.chamber.then(|| Heater::new(heater::CHAMBER)),
+            },
             faults,
             emergency: EmergencyParser::default(),
             line: LineBuffer::default(),
             numbering: Numbering::default(),
-            queue: VecDeque::with_capacity(BUFSIZE),
+            queue: VecDeque::with_capacity(config.queue),
             wait: None,
             motion: Motion::default(),
-            nozzle: Heater::new(heater::NOZZLE),
-            bed: Heater::new(heater::BED),
+            body: Body::default(),
             fan: 0,
+            levelling_on: false,
             cold_extrusion_allowed: false,
             now_ns: 0,
             power: Power::Running,
             boot_cause: "",
             hung_until_ns: 0,
+            blocked_until_ns: 0,
+            gone_until_ns: 0,
+            reset_at_ns: None,
+            runout: false,
+            injected: false,
+            tell_position: false,
+            wait_next_ns: 0,
+            deeds: VecDeque::new(),
+            current: Vec::new(),
+            executed: Vec::new(),
+            executed_digest: Digest::default(),
+            run_of_bytes: Vec::new(),
             auto_report: None,
-            busy_every_ns: (BUSY_S * 1e9) as u64,
+            busy_every_ns: busy_every_ns(&config),
             busy_next_ns: 0,
             inactive_max_ns: None,
             last_command_ns: 0,
@@ -126,7 +171,7 @@ impl Firmware {
             highest: 0,
             digest: Digest::default(),
             counts: Stats { boots: 1, ..Stats::default() },
-            deeds: None,
+            starts_ns: Vec::new(),
             config,
         };
         if board.config.dtr_reset {
@@ -138,23 +183,42 @@ impl Firmware {
 
     /// How many bytes [`Self::receive`] takes now.
     pub fn room(&self) -> usize {
-        self.uart.room()
+        if self.now_ns < self.blocked_until_ns.max(self.gone_until_ns) { 0 } else { self.uart.room() }
     }
 
     /// The host wrote these bytes now, no more than [`Self::room`].
     pub fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
         self.advance(now_ns);
+        if self.now_ns < self.gone_until_ns {
+            return;
+        }
         self.uart.write(self.now_ns, bytes);
         self.advance(now_ns);
     }
 
-    /// The host opened the port (raised DTR).
+    /// The host opened the port, and DTR rose.
     pub fn connect(&mut self, now_ns: u64) {
         self.advance(now_ns);
         self.counts.connects += 1;
-        if self.config.dtr_reset {
+        if self.config.dtr_reset && !matches!(self.power, Power::Off(_)) {
             self.boot(" External Reset");
         }
+    }
+
+    /// The host opened the port, and DTR was up already.
+    pub fn reconnect(&mut self, now_ns: u64) {
+        self.advance(now_ns);
+        self.counts.connects += 1;
+    }
+
+    /// Whether DTR stays up over a port that is closed without HUPCL.
+    pub(super) fn keeps_dtr(&self) -> bool {
+        self.config.keeps_dtr
+    }
+
+    /// Somebody took the part off the bed.
+    pub fn remove_part(&mut self) {
+        self.body.remove_part();
     }
 
     /// Appends the reply bytes that are out by now.
@@ -169,7 +233,7 @@ impl Firmware {
 
     /// Runs everything that happens up to now.
     pub fn advance(&mut self, now_ns: u64) {
-        while let Some(at_ns) = self.next_event_ns().filter(|at| *at <= now_ns) {
+        while let Some(at_ns) = self.next_event_ns(now_ns) {
             self.now_ns = self.now_ns.max(at_ns);
             self.step();
         }
@@ -191,41 +255,51 @@ impl Firmware {
         .min()
     }
 
-    fn next_event_ns(&self) -> Option<u64> {
-        [self.uart.next_arrival_ns(), self.planner.next_end_ns(), self.own_event_ns()]
-            .into_iter()
-            .flatten()
-            .min()
+    /// When something happens next, no later than `until_ns`. Bytes within a line are
+    /// taken on the way.
+    fn next_event_ns(&mut self, until_ns: u64) -> Option<u64> {
+        let limit_ns = [self.planner.next_end_ns(), self.own_event_ns()].into_iter().flatten().min();
+        let before_ns = limit_ns.map_or(until_ns, |at| at.min(until_ns));
+        self.take_run_of_bytes(before_ns);
+        let arrival_ns = self.uart.next_arrival_ns();
+        [limit_ns, arrival_ns].into_iter().flatten().min().filter(|at| *at <= until_ns)
     }
 
     /// Events of the board itself: not bytes, not moves.
     fn own_event_ns(&self) -> Option<u64> {
         let fault = self.faults.next_event_ns();
         let own = match self.power {
-            Power::Booting(until_ns) => Some(until_ns),
+            Power::Booting(until_ns) | Power::Off(until_ns) => Some(until_ns),
             Power::Halted => None,
             Power::Running => {
                 let waits = self.wait.as_ref().and_then(|(wait, _)| match wait {
                     Wait::Until(at) => Some(*at),
                     Wait::Heat(heat) => Some(heat.done_ns.min(heat.report_ns)),
-                    Wait::User(at) => *at,
+                    Wait::User { until_ns, .. } => *until_ns,
                     Wait::Room(_) | Wait::Drain(_) => None,
                 });
                 let busy = (self.wait.is_some() && self.busy_every_ns > 0).then_some(self.busy_next_ns);
                 // Work that waits for the transmitter.
-                let work = !self.uart.rx_is_empty() && self.queue.len() < BUFSIZE
-                    || !self.queue.is_empty() && self.wait.is_none();
+                let work = !self.uart.rx_is_empty() && self.queue.len() < self.config.queue
+                    || (self.runout || !self.queue.is_empty()) && self.wait.is_none();
                 let ready = work.then(|| self.uart.tx_free_ns().max(self.now_ns));
                 let inactive = self.inactive_at_ns();
                 let report = self.auto_report.map(|(_, next)| next);
-                [waits, busy, ready, inactive, report]
+                let idle = self.is_idle().then_some(self.wait_next_ns);
+                [waits, busy, ready, inactive, report, idle]
                     .into_iter()
                     .flatten()
                     .min()
                     .map(|at| at.max(self.hung_until_ns).max(self.uart.tx_free_ns()))
             }
         };
-        [own, fault].into_iter().flatten().min()
+        let unblocked = (self.blocked_until_ns > self.now_ns).then_some(self.blocked_until_ns);
+        [own, fault, unblocked, self.reset_at_ns].into_iter().flatten().min()
+    }
+
+    /// Whether it says `wait` from time to time, as Repetier does when idle.
+    fn is_idle(&self) -> bool {
+        self.config.habits.wait_s > 0.0 && self.queue.is_empty() && self.uart.rx_is_empty()
     }
 
     /// Everything that happens at `now_ns`.
@@ -233,16 +307,9 @@ impl Firmware {
         while let Some(fault) = self.faults.event_at_time(self.now_ns) {
             self.happen(fault);
         }
-        if let Power::Booting(until_ns) = self.power
-            && until_ns <= self.now_ns
-        {
-            self.power = Power::Running;
-            self.last_command_ns = self.now_ns;
-            let text = report::boot(self.boot_cause);
-            self.say(text.as_bytes());
-        }
+        self.power_events();
         while self.planner.next_end_ns().is_some_and(|at| at <= self.now_ns) {
-            self.planner.end_move(self.now_ns);
+            self.end_move();
         }
         while self.uart.next_arrival_ns().is_some_and(|at| at <= self.now_ns) {
             self.arrive();
@@ -266,6 +333,9 @@ impl Firmware {
             let mut progress = self.read_lines();
             if self.wait.is_some() {
                 progress |= self.go_on();
+            } else if self.runout && self.can_run() {
+                self.begin_runout();
+                progress = true;
             } else if self.can_run() && !self.queue.is_empty() {
                 self.execute();
                 progress = true;
@@ -278,8 +348,11 @@ impl Firmware {
 
     /// Takes the executed command from the queue.
     pub(crate) fn pop(&mut self) {
-        self.queue.pop_front();
+        if let Some(head) = self.queue.pop_front() {
+            self.note_executed(head.number);
+        }
         self.last_command_ns = self.now_ns;
+        self.wait_next_ns = self.now_ns + (self.config.habits.wait_s * 1e9) as u64;
     }
 
     /// The `ok` of the command at the head of the queue; `more` follows it.
@@ -288,10 +361,23 @@ impl Firmware {
             return;
         };
         let number = head.number;
-        let mut ok = b"ok".to_vec();
-        if more.is_empty() && self.config.advanced_ok {
-            let free = (self.planner.free(), BUFSIZE - self.queue.len());
-            report::advanced_ok(&mut ok, &head.line, free);
+        if !self.config.habits.ok_when_queued {
+            self.say_ok(number, more);
+        } else if !more.is_empty() {
+            self.say(format!("{}\n", more.trim_start()).as_bytes());
+        }
+    }
+
+    fn say_ok(&mut self, number: Option<i64>, more: &str) {
+        let mut ok = Vec::with_capacity(32);
+        ok.extend(b"ok");
+        match (self.config.habits.ok, number) {
+            (OkForm::Number, Some(n)) => ok.extend(format!(" {n}").bytes()),
+            _ if more.is_empty() && self.config.advanced_ok => {
+                let free = (self.planner.free(), self.config.queue - self.queue.len());
+                report::advanced_ok(&mut ok, number, free);
+            }
+            _ => {}
         }
         ok.extend(more.bytes());
         ok.push(b'\n');
@@ -300,7 +386,7 @@ impl Firmware {
     }
 
     fn say(&mut self, bytes: &[u8]) {
-        if self.power == Power::Running {
+        if self.power == Power::Running && self.now_ns >= self.gone_until_ns {
             self.uart.send(self.now_ns, bytes);
         }
     }
@@ -320,7 +406,12 @@ impl Firmware {
     }
 
     fn temperatures(&self) -> String {
-        report::temperatures(&self.nozzle, &self.bed, self.simulated_s())
+        self.heaters.temperatures(self.simulated_s())
+    }
+
+    /// The nozzle in use, °C.
+    fn nozzle_c(&self) -> f64 {
+        self.heaters.nozzle().temperature_c(self.simulated_s())
     }
 
     /// The counts as of the last [`Self::advance`].
@@ -330,6 +421,8 @@ impl Firmware {
         let (empty, moving) = (self.planner.empty_ns, self.planner.moving_ns);
         let running_on = self.planner.next_end_ns().map_or(0, |end| end.saturating_sub(self.now_ns));
         let moved = moving.saturating_sub(running_on);
+        let now_and_target = |heater: &Heater| [heater.temperature_c(now_s), heater.target_c()];
+        let (nozzle, bed, body) = (self.heaters.nozzle(), &self.heaters.bed, &self.body);
         Stats {
             overflow_bytes: self.uart.overflow_bytes,
             unread_bytes: self.uart.unread_bytes,
@@ -344,13 +437,32 @@ impl Firmware {
             digest_lines: self.digest.lines(),
             real_s: seconds(self.now_ns),
             simulated_s: now_s,
-            nozzle_c: self.nozzle.temperature_c(now_s),
-            nozzle_target_c: self.nozzle.target_c(),
-            bed_c: self.bed.temperature_c(now_s),
-            bed_target_c: self.bed.target_c(),
+            heaters_on: self.heaters.all().any(|heater| heater.target_c() > 0.0),
+            nozzles_c: self.heaters.nozzles.iter().map(now_and_target).collect(),
+            chamber_c: self.heaters.chamber.as_ref().map(now_and_target),
+            tool: self.heaters.tool,
+            levelling_on: self.levelling_on,
+            nozzle_c: nozzle.temperature_c(now_s),
+            nozzle_target_c: nozzle.target_c(),
+            bed_c: bed.temperature_c(now_s),
+            bed_target_c: bed.target_c(),
+            executed: self.executed_digest.lines(),
+            executed_digest: self.executed_digest.hex(),
+            deposits: body.deposits.lines(),
+            deposit_digest: body.deposits.hex(),
+            crashes: body.crashes,
+            moved_cold: body.moved_cold,
+            first_xy_after_reset_z_mm: body.first_xy_after_reset_z_mm,
+            true_position_mm: body.at_mm,
+            part_top_mm: body.part_top_mm(),
             fan: self.fan,
             position_mm: [self.motion.at_mm[0], self.motion.at_mm[1], self.motion.at_mm[2]],
             ..self.counts.clone()
         }
     }
+}
+
+/// Marlin's DEFAULT_KEEPALIVE_INTERVAL, where there is one; 0 for never.
+fn busy_every_ns(config: &Config) -> u64 {
+    if config.habits.busy_notes { (BUSY_S * 1e9) as u64 } else { 0 }
 }

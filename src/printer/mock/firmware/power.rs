@@ -3,10 +3,9 @@ use super::super::emergency::EmergencyParser;
 use super::super::faults::{Fault, Kind};
 use super::super::line::Numbering;
 use super::super::motion::Motion;
+use super::super::report;
 use super::super::stats::Digest;
-use super::wait::Wait;
-use super::watch::Did;
-use super::{BUSY_S, Firmware, Power};
+use super::{Firmware, Power, busy_every_ns};
 
 /// How long a start takes. Boot loaders take one to two seconds; a tenth is
 /// enough to lose the bytes of a host that does not wait for `start`.
@@ -25,7 +24,28 @@ impl Firmware {
         self.now_ns >= self.hung_until_ns
     }
 
+    /// What is due of starting, of the power and of the device that comes back.
+    pub(super) fn power_events(&mut self) {
+        match self.power {
+            Power::Booting(until_ns) if until_ns <= self.now_ns => {
+                self.power = Power::Running;
+                self.last_command_ns = self.now_ns;
+                let text = report::boot(&self.config.habits, self.boot_cause);
+                self.say(text.as_bytes());
+            }
+            Power::Off(until_ns) if until_ns <= self.now_ns => self.boot("PowerUp"),
+            _ => {}
+        }
+        if self.reset_at_ns.is_some_and(|at| at <= self.now_ns) {
+            self.reset_at_ns = None;
+            self.boot(" External Reset");
+        }
+    }
+
     pub(super) fn happen(&mut self, fault: Fault) {
+        if matches!(self.power, Power::Off(_)) && fault.kind != Kind::PartRemoved {
+            return;
+        }
         let text = fault.text.unwrap_or_default();
         let for_ns = (fault.for_s.unwrap_or(0.0) * 1e9) as u64;
         match fault.kind {
@@ -33,10 +53,44 @@ impl Firmware {
             Kind::Kill => self.kill(&text),
             Kind::Reset => self.boot(" Brown out Reset"),
             Kind::Hang => self.hung_until_ns = self.now_ns.saturating_add(for_ns),
-            Kind::HangUp => self.hang_up_ns = Some(for_ns),
+            Kind::HangUp => self.unplug(for_ns, fault.reset == Some(true)),
+            Kind::Blocked => self.blocked_until_ns = self.now_ns.saturating_add(for_ns),
+            Kind::PowerCut => {
+                self.cut_power(for_ns, fault.sag_mm.unwrap_or(0.0));
+                if fault.unplugs == Some(true) {
+                    self.unplug(for_ns, false);
+                }
+            }
+            Kind::FilamentOut => self.runout = true,
+            Kind::PartRemoved => self.body.remove_part(),
             // These wait for a line: `damage` and `reply` look for them.
-            Kind::CorruptLine | Kind::ResendWithoutOk | Kind::DropOk | Kind::GarbleReply | Kind::Noise => {}
+            Kind::CorruptLine
+            | Kind::ResendWithoutOk
+            | Kind::LoseLine
+            | Kind::DropByte
+            | Kind::DropOk
+            | Kind::GarbleReply
+            | Kind::CutReply
+            | Kind::Noise => {}
         }
+    }
+
+    /// The cable is out: what was on it is lost either way, the board goes on.
+    fn unplug(&mut self, for_ns: u64, reset: bool) {
+        self.hang_up_ns = Some(for_ns);
+        self.gone_until_ns = self.now_ns.saturating_add(for_ns);
+        self.uart.unplug();
+        self.reset_at_ns = reset.then_some(self.gone_until_ns);
+    }
+
+    /// No power: what the board knew is gone, and the motors no longer hold Z.
+    fn cut_power(&mut self, for_ns: u64, sag_mm: f64) {
+        self.counts.power_cuts += 1;
+        self.all_off();
+        self.uart.reset(self.now_ns);
+        self.body.sag(sag_mm);
+        self.body.lose();
+        self.power = Power::Off(self.now_ns.saturating_add(for_ns));
     }
 
     /// Marlin's `kill()`: says why, switches everything off, and stays so.
@@ -55,15 +109,17 @@ impl Firmware {
 
     pub(super) fn boot(&mut self, cause: &'static str) {
         self.all_off();
-        self.note(|| Did::Started);
         self.uart.reset(self.now_ns);
         self.emergency = EmergencyParser::default();
         self.numbering = Numbering::default();
         self.motion = Motion::default();
+        self.body.lose();
+        self.heaters.tool = 0;
+        self.levelling_on = false;
         self.planner.dynamics = self.config.machine.dynamics;
         self.cold_extrusion_allowed = false;
         self.auto_report = None;
-        self.busy_every_ns = (BUSY_S * 1e9) as u64;
+        self.busy_every_ns = busy_every_ns(&self.config);
         self.inactive_max_ns = None;
         self.hung_until_ns = 0;
         self.highest = 0;
@@ -71,19 +127,20 @@ impl Firmware {
         self.boot_cause = cause;
         self.power = Power::Booting(self.now_ns + BOOT_NS);
         self.counts.boots += 1;
+        self.note_start();
     }
 
     pub(super) fn all_off(&mut self) {
-        // A command in hand that waits for room has a move too.
-        let moves = self.planner.planned() + usize::from(matches!(self.wait, Some((Wait::Room(_), _))));
-        self.note(|| Did::Dropped { moves });
-        self.planner.stop(self.now_ns);
+        self.stop_moves();
         self.queue.clear();
+        self.current.clear();
         self.wait = None;
+        self.runout = false;
+        self.injected = false;
+        self.tell_position = false;
         self.line.finish();
         let now_s = self.simulated_s();
-        self.nozzle.set(0.0, now_s);
-        self.bed.set(0.0, now_s);
+        self.heaters.all_off(now_s);
         self.fan = 0;
     }
 }

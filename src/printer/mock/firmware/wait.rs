@@ -20,8 +20,9 @@ pub(super) enum Wait {
     Until(u64),
     /// A temperature.
     Heat(Heat),
-    /// The user (M108 or M876), or a time if it is given.
-    User(Option<u64>),
+    /// The user (M108 or M876), or a time if it is given. After a change of filament
+    /// the job is said to be resumed.
+    User { until_ns: Option<u64>, change: bool },
 }
 
 /// A wait for a temperature.
@@ -39,8 +40,10 @@ pub(super) struct Heat {
 pub(super) enum After {
     Nothing,
     Dwell { lasts_ns: u64 },
-    Home([bool; 3]),
-    AskUser { at_most_ns: Option<u64> },
+    Home { axes: [bool; 3], raise_mm: f64 },
+    Probe { lasts_ns: u64 },
+    AskUser { title: &'static str, at_most_ns: Option<u64> },
+    ChangeFilament,
 }
 
 impl Firmware {
@@ -62,10 +65,14 @@ impl Firmware {
             self.kill("!! KILLED caused by too much inactive time");
             return;
         }
+        if self.is_idle() && self.wait_next_ns <= self.now_ns {
+            self.wait_next_ns = self.now_ns + (self.config.habits.wait_s * 1e9) as u64;
+            self.say(b"wait\n");
+        }
         let Some((wait, _)) = &mut self.wait else {
             return;
         };
-        let paused = matches!(wait, Wait::User(_));
+        let paused = matches!(wait, Wait::User { .. });
         if let Wait::Heat(heat) = wait
             && heat.report_ns <= self.now_ns
             && heat.done_ns > self.now_ns
@@ -106,7 +113,10 @@ impl Firmware {
                         self.counts.extruded_mm += by_mm[3];
                         self.planner.push(now_ns, by_mm, path.feed_mm_s);
                     }
-                    None => break true,
+                    None => {
+                        self.deed_is_planned();
+                        break true;
+                    }
                 }
             },
             Wait::Drain(after) if self.planner.is_empty() => {
@@ -116,7 +126,7 @@ impl Firmware {
             Wait::Drain(_) => false,
             Wait::Until(at_ns) => *at_ns <= now_ns,
             Wait::Heat(heat) => heat.done_ns <= now_ns,
-            Wait::User(at_ns) => at_ns.is_some_and(|at| at <= now_ns),
+            Wait::User { until_ns, .. } => until_ns.is_some_and(|at| at <= now_ns),
         };
         if done {
             self.finish();
@@ -132,26 +142,62 @@ impl Firmware {
                 return true;
             }
             After::Dwell { lasts_ns } => Wait::Until(self.now_ns.saturating_add(lasts_ns)),
-            After::Home(axes) => {
-                let lasts_ns = self.scaled_ns(self.homing_s(axes));
-                self.motion.home(axes);
+            After::Home { axes, raise_mm } => {
+                let lasts_s = self.home(axes, raise_mm);
+                self.tell_position = self.config.habits.tells_position;
+                Wait::Until(self.now_ns.saturating_add(self.scaled_ns(lasts_s)))
+            }
+            After::Probe { lasts_ns } => {
+                self.body.probe();
+                self.levelling_on = self.config.machine.levelling;
                 Wait::Until(self.now_ns.saturating_add(lasts_ns))
             }
-            After::AskUser { at_most_ns } => {
-                self.say(report::PROMPT);
-                Wait::User(at_most_ns.map(|ns| self.now_ns.saturating_add(ns)))
+            After::AskUser { title, at_most_ns } => {
+                self.ask(title);
+                let until_ns = at_most_ns.map(|ns| self.now_ns.saturating_add(ns));
+                Wait::User { until_ns, change: false }
+            }
+            After::ChangeFilament => {
+                self.say(b"//action:paused\n");
+                self.say(report::INSERT.as_bytes());
+                self.ask("Nozzle Parked");
+                Wait::User { until_ns: None, change: true }
             }
         };
         self.wait = Some((next, self.now_ns));
         true
     }
 
+    fn ask(&mut self, title: &str) {
+        if self.config.habits.prompts {
+            self.say(report::prompt(title).as_bytes());
+        }
+    }
+
+    /// The runout sensor: Marlin puts M600 before the commands that it has.
+    pub(super) fn begin_runout(&mut self) {
+        self.runout = false;
+        self.injected = true;
+        let text = format!("//action:out_of_filament T{}\n", self.heaters.tool);
+        self.say(text.as_bytes());
+        self.begin_wait(Wait::Drain(After::ChangeFilament));
+    }
+
     /// The command at the head of the queue is done: its `ok` goes out.
     pub(super) fn finish(&mut self) {
-        if let Some((wait, since_ns)) = self.wait.take()
-            && !matches!(wait, Wait::Room(_) | Wait::Drain(_))
-        {
-            self.planner.excuse(since_ns, self.now_ns);
+        if let Some((wait, since_ns)) = self.wait.take() {
+            if !matches!(wait, Wait::Room(_) | Wait::Drain(_)) {
+                self.planner.excuse(since_ns, self.now_ns);
+            }
+            if matches!(wait, Wait::User { change: true, .. }) {
+                self.say(b"//action:resumed\n");
+            }
+        }
+        if std::mem::take(&mut self.injected) {
+            return;
+        }
+        if std::mem::take(&mut self.tell_position) {
+            self.say_position();
         }
         self.reply_ok("");
         self.pop();

@@ -1,9 +1,11 @@
 //! Both sides of a pseudo-terminal, and the watch on its being opened.
 //!
 //! Raw mode from the beginning and over every host that comes and goes; who
-//! opens it is known from inotify. Knows neither the board nor the link.
+//! opens it is known from inotify. A pseudo-terminal has no DTR; its HUPCL, which
+//! says what becomes of DTR at the close, it keeps like any other, and so one can
+//! tell what a real port would have done. Knows neither the board nor the link.
 use super::{MockError, terminal};
-use nix::sys::termios::{self, FlushArg, SetArg};
+use nix::sys::termios::{self, ControlFlags, FlushArg, SetArg};
 use rustix::fs::{Mode, OFlags, inotify};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::mem::MaybeUninit;
@@ -18,6 +20,8 @@ pub(super) struct Device {
     pub(super) watch: OwnedFd,
     pub(super) path: PathBuf,
     opens: u32,
+    /// Whether a real port's DTR would be up although nobody has it open.
+    dtr_stays_up: bool,
 }
 
 impl Device {
@@ -37,8 +41,10 @@ impl Device {
         let events =
             inotify::WatchFlags::OPEN | inotify::WatchFlags::CLOSE_WRITE | inotify::WatchFlags::CLOSE_NOWRITE;
         inotify::add_watch(&watch, &path, events).map_err(|e| terminal("watch", e))?;
-        let device = Self { master, slave, watch, path, opens: 0 };
+        let device = Self { master, slave, watch, path, opens: 0, dtr_stays_up: false };
         device.make_raw()?;
+        // As a real port has it from the start.
+        device.set_hupcl()?;
         Ok(device)
     }
 
@@ -49,29 +55,42 @@ impl Device {
         termios::tcsetattr(&self.slave, SetArg::TCSANOW, &modes).map_err(|e| terminal("raw mode", e))
     }
 
-    /// Reads who opened and closed the port since the last call; true when a
-    /// host opened it that was not open before.
-    pub(super) fn connected(&mut self) -> Result<bool, MockError> {
+    fn set_hupcl(&self) -> Result<(), MockError> {
+        let mut modes = termios::tcgetattr(&self.slave).map_err(|e| terminal("modes", e))?;
+        modes.control_flags.insert(ControlFlags::HUPCL);
+        termios::tcsetattr(&self.slave, SetArg::TCSANOW, &modes).map_err(|e| terminal("HUPCL", e))
+    }
+
+    /// Reads who opened and closed the port since the last call; when a host opened
+    /// it that was not open before, whether DTR rose with it. A host that clears HUPCL
+    /// in the very moment after another has closed the port is taken for that one.
+    pub(super) fn connected(&mut self) -> Result<Option<bool>, MockError> {
         let mut buffer = [MaybeUninit::uninit(); 512];
-        let mut new = false;
+        let mut new = None;
         let mut reader = inotify::Reader::new(self.watch.as_fd(), &mut buffer);
         let mut closed = false;
         loop {
             match reader.next() {
                 Ok(event) if event.events().contains(inotify::ReadFlags::OPEN) => {
                     self.opens += 1;
-                    new |= self.opens == 1;
+                    if self.opens == 1 {
+                        new = Some(!self.dtr_stays_up);
+                    }
                 }
                 Ok(_) => {
                     self.opens = self.opens.saturating_sub(1);
-                    closed |= self.opens == 0;
+                    if self.opens == 0 {
+                        closed = true;
+                        let modes = termios::tcgetattr(&self.slave).map_err(|e| terminal("modes", e))?;
+                        self.dtr_stays_up = !modes.control_flags.contains(ControlFlags::HUPCL);
+                    }
                 }
                 Err(rustix::io::Errno::AGAIN) => break,
                 Err(rustix::io::Errno::INTR) => {}
                 Err(e) => return Err(terminal("watch", e)),
             }
         }
-        if closed || new {
+        if closed || new.is_some() {
             // What the last host did not read is not for the next one. A lock
             // that a host left (TIOCEXCL) goes with the host, as on a port
             // that is closed for good; so do the modes it set.

@@ -6,14 +6,15 @@
 //! itself, so that its raw mode outlives the host's closing it, and learns
 //! from inotify when a host opens it: that is the rising DTR of a real port.
 use super::config::Config;
-use super::faults::Faults;
-use super::firmware::Firmware;
+use super::faults::{Fault, Faults};
+use super::firmware::{Executed, Firmware};
 use super::stats::Stats;
 use device::Device;
 use link::Link;
+use log::Log;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,7 @@ use std::time::{Duration, Instant};
 
 mod device;
 mod link;
+mod log;
 
 /// Between two writes of the statistics file.
 const STATS_EVERY: Duration = Duration::from_secs(1);
@@ -33,6 +35,9 @@ const READ_BYTES: usize = 4096;
 /// Reply bytes kept while the terminal is full because the host does not read.
 const UNWRITTEN_BYTES_MAX: usize = 64 * 1024;
 
+/// Wakes the thread to look at the board; any other byte ends it.
+const LOOK: u8 = b'?';
+
 /// How a mock is started.
 #[derive(Debug, Default)]
 pub struct Options {
@@ -40,6 +45,8 @@ pub struct Options {
     pub link: Option<PathBuf>,
     /// Where the statistics go, as JSON, every second and at the end.
     pub stats: Option<PathBuf>,
+    /// Where every command that was executed goes, a line each.
+    pub log: Option<PathBuf>,
     /// What goes wrong.
     pub faults: Faults,
     /// The board.
@@ -79,6 +86,14 @@ pub enum MockError {
         /// The system's word.
         source: io::Error,
     },
+    /// The record of commands cannot be written.
+    #[error("log {}: {source}", path.display())]
+    Log {
+        /// The file.
+        path: PathBuf,
+        /// The system's word.
+        source: io::Error,
+    },
     /// The thread could not be started, or broke down.
     #[error("the mock printer's thread broke down")]
     Thread,
@@ -105,6 +120,31 @@ impl Handle {
         let mut board = lock(&self.board);
         board.advance(elapsed_ns(self.started));
         board.stats()
+    }
+
+    /// Somebody took the part off the bed.
+    pub fn remove_part(&self) {
+        lock(&self.board).remove_part();
+    }
+
+    /// A fault that nobody knew of beforehand happens now, or to the line that it names.
+    pub fn inject(&self, fault: Fault) {
+        lock(&self.board).inject(elapsed_ns(self.started), fault);
+        // What it leads to may be due before anything else is. A thread that has ended
+        // does not read it; that is fine.
+        let _ = (&self.wake).write_all(&[LOOK]);
+    }
+
+    /// What was executed since the last call: with [`Config::record`] and without a log only.
+    pub fn take_executed(&self) -> Vec<Executed> {
+        let mut board = lock(&self.board);
+        board.advance(elapsed_ns(self.started));
+        board.take_executed()
+    }
+
+    /// When the board began to start, each time, ns since the mock was started.
+    pub fn starts_ns(&self) -> Vec<u64> {
+        lock(&self.board).starts_ns().to_vec()
     }
 
     /// False once the mock has ended by an error; [`Self::stop`] says which.
@@ -146,7 +186,10 @@ pub fn spawn(options: Options) -> Result<Handle, MockError> {
     let device = Device::open()?;
     let link = Link::new(options.link, &device.path)?;
     let (wake, woken) = UnixStream::pair().map_err(|e| terminal("wake", e))?;
-    let board = Arc::new(Mutex::new(Firmware::new(options.config, options.faults)));
+    let log = options.log.map(Log::create).transpose()?;
+    let record = options.config.record || log.is_some();
+    let config = Config { record, ..options.config };
+    let board = Arc::new(Mutex::new(Firmware::new(config, options.faults)));
     let started = Instant::now();
     let mut server = Server {
         board: Arc::clone(&board),
@@ -154,6 +197,7 @@ pub fn spawn(options: Options) -> Result<Handle, MockError> {
         device: Some(device),
         gone_until_ns: 0,
         stats: options.stats,
+        log,
         stats_next: started,
         unwritten: Vec::new(),
         woken,
@@ -177,6 +221,7 @@ struct Server {
     device: Option<Device>,
     gone_until_ns: u64,
     stats: Option<PathBuf>,
+    log: Option<Log>,
     stats_next: Instant,
     unwritten: Vec<u8>,
     woken: UnixStream,
@@ -188,8 +233,12 @@ impl Server {
         let done = self.serve();
         self.link.remove();
         lock(&self.board).advance(elapsed_ns(self.started));
+        let logged = match &mut self.log {
+            Some(log) => log.write(&lock(&self.board).take_executed()),
+            None => Ok(()),
+        };
         let written = self.write_stats();
-        done.and(written)
+        done.and(logged).and(written)
     }
 
     fn serve(&mut self) -> Result<(), MockError> {
@@ -233,9 +282,13 @@ impl Server {
     ) -> Result<(Option<u64>, bool, Option<u64>), MockError> {
         let mut board = lock(&self.board);
         if let Some(device) = &mut self.device {
-            if device.connected()? {
+            if let Some(rose) = device.connected()? {
                 self.unwritten.clear();
-                board.connect(now_ns);
+                if rose || !board.keeps_dtr() {
+                    board.connect(now_ns);
+                } else {
+                    board.reconnect(now_ns);
+                }
             }
             let room = board.room().min(buffer.len());
             if room > 0 {
@@ -246,7 +299,11 @@ impl Server {
         board.advance(now_ns);
         board.take_output(&mut self.unwritten);
         let next = (board.deadline_ns(), board.room() > 0, board.take_hang_up());
+        let executed = if self.log.is_some() { board.take_executed() } else { Vec::new() };
         drop(board);
+        if let Some(log) = &mut self.log {
+            log.write(&executed)?;
+        }
         match &self.device {
             Some(device) => device.write(&mut self.unwritten)?,
             None => self.unwritten.clear(),
@@ -282,8 +339,12 @@ impl Server {
             Ok(_) | Err(rustix::io::Errno::INTR) => {}
             Err(e) => return Err(terminal("poll", e)),
         }
-        // Any byte, or the other end gone: the handle wants the end.
-        Ok(!fds[0].revents().is_empty())
+        if fds[0].revents().is_empty() {
+            return Ok(false);
+        }
+        // Any other byte, or the other end gone: the handle wants the end.
+        let mut byte = [0];
+        Ok((&self.woken).read(&mut byte).is_err() || byte != [LOOK])
     }
 
     fn write_stats(&mut self) -> Result<(), MockError> {

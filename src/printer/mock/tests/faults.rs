@@ -54,7 +54,7 @@ fn a_hang_up_is_handed_on_and_a_kill_says_why() {
         do = 'hang_up'
         for_s = 2
         [[fault]]
-        at_s = 1
+        at_s = 3
         do = 'kill'
         text = 'Thermal Runaway, system stopped! Heater_ID: 0'";
     let mut board = board(|_| {}, script);
@@ -65,7 +65,7 @@ fn a_hang_up_is_handed_on_and_a_kill_says_why() {
     assert_eq!(board.take_hang_up(), Some(2000 * MS));
     assert_eq!(board.take_hang_up(), None);
     assert_eq!(
-        output(&mut board, 1000),
+        output(&mut board, 3000),
         "Error:Thermal Runaway, system stopped! Heater_ID: 0\nError:Printer halted. kill() called!\n"
     );
 }

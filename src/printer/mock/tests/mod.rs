@@ -4,6 +4,8 @@ use super::*;
 
 mod faults;
 mod machine;
+mod personality;
+mod power;
 mod wire;
 
 const MS: u64 = 1_000_000;

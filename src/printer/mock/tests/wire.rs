@@ -114,7 +114,7 @@ fn fact_5_temperatures_ride_on_an_ok_without_number() {
         &[
             (300, "M105\n", "ok T:22.00 /0.00 B:22.00 /0.00 @:0 B@:0\n"),
             (400, &numbered(1, "M105"), "ok T:22.00 /0.00 B:22.00 /0.00 @:0 B@:0\n"),
-            (500, "G92 E0\n", "ok P15 B3\n"),
+            (500, "G92 E0\n", "X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0\nok P15 B3\n"),
         ],
     );
 }
