@@ -47,6 +47,7 @@ const ONLY: &[(&str, &[&str])] = &[
             "src/cli/",
             "src/job/disk",
             "src/job/digest/tests.rs",
+            "src/job/state/tests.rs",
             "src/printer/",
             "src/profile",
             "src/layers/from_gcode/tests.rs",

@@ -4,6 +4,7 @@
 //! Exit codes: 0 done; 1 the file or the printer is at fault (one clear line on
 //! stderr: what, where, what to do); 2 wrong usage (clap's own).
 mod check;
+mod console;
 mod demo;
 mod escape;
 mod files;
@@ -41,6 +42,7 @@ enum Verb {
     Print(print::Args),
     Jobs(jobs::Args),
     Ports(ports::Args),
+    Console(console::Args),
     Mock(mock::Args),
     Guard(guard::Args),
     Profile(profile::Args),
@@ -62,6 +64,7 @@ pub fn main() -> ExitCode {
         Verb::Print(args) => print::run(args),
         Verb::Jobs(args) => jobs::run(args),
         Verb::Ports(args) => ports::run(&args),
+        Verb::Console(args) => console::run(&args),
         Verb::Mock(args) => mock::run(args),
         Verb::Guard(args) => guard::run(&args),
         Verb::Profile(args) => profile::run(args),
