@@ -19,6 +19,8 @@ pub struct Executed {
     pub back: usize,
     /// Starts of the board among them.
     pub starts: u32,
+    /// Tails of lines that the board took for lines of their own.
+    pub torn: usize,
     /// What went wrong first.
     pub wrong: Option<String>,
 }
@@ -29,12 +31,22 @@ pub struct Executed {
 /// Moves of the job come in order, each once; after a start of the board they may
 /// begin anew at any move that is not beyond what was made. What is no move ends when
 /// it is done, while earlier moves are still in the planner, so it has an order of its own.
+///
+/// A line of the job always has a number. A move of the job without one is the tail of a
+/// line: after a damaged line the board throws away what has arrived, and where that ends
+/// just before the command letter of a line that is still on the wire, its tail is a line
+/// without number or check. No sender that keeps more than one line on its way can prevent
+/// that; such moves are counted apart, and the line itself comes again.
 pub fn executed(commands: &Commands, deeds: &[Did], starts_ns: &[u64]) -> Executed {
     let mut track = Track::new(commands);
     let mut starts = starts_ns.iter().peekable();
     for deed in deeds.iter().filter(|d| d.whole) {
         while starts.next_if(|at_ns| **at_ns <= deed.at_ns).is_some() {
             track.starts_anew();
+        }
+        if deed.number.is_none() && track.moves.contains_key(deed.command.as_bytes()) {
+            track.done.torn += 1;
+            continue;
         }
         track.took(deed.command.as_bytes());
     }
@@ -45,7 +57,7 @@ pub fn executed(commands: &Commands, deeds: &[Did], starts_ns: &[u64]) -> Execut
 /// How far the job is.
 struct Track<'a> {
     commands: &'a Commands,
-    /// Where a move stands; each is like no other.
+    /// Where a move stands that is like no other.
     moves: HashMap<&'a [u8], usize>,
     times: Vec<u32>,
     next_move: usize,
@@ -56,10 +68,19 @@ struct Track<'a> {
 
 impl<'a> Track<'a> {
     fn new(commands: &'a Commands) -> Self {
-        let moves = commands.iter().enumerate().filter(|(_, c)| is_move(c)).map(|(at, c)| (c, at));
+        let mut moves = HashMap::new();
+        let mut often = Vec::new();
+        for (at, command) in commands.iter().enumerate().filter(|(_, c)| is_move(c)) {
+            if moves.insert(command, at).is_some() {
+                often.push(command);
+            }
+        }
+        for command in often {
+            moves.remove(command);
+        }
         let mut track = Self {
             commands,
-            moves: moves.collect(),
+            moves,
             times: vec![0; commands.len()],
             next_move: 0,
             next_other: 0,
@@ -82,6 +103,9 @@ impl<'a> Track<'a> {
     }
 
     fn took(&mut self, command: &[u8]) {
+        if self.commands.get(self.next_move) == Some(command) {
+            return self.made(self.next_move, command);
+        }
         match self.moves.get(command) {
             Some(at) => self.made(*at, command),
             // A line that stands in the macros too counts where it belongs, and is ours otherwise.
@@ -143,7 +167,11 @@ mod tests {
             let (command, whole) = (deed.trim_end_matches('-').to_owned(), !deed.ends_with('-'));
             match *deed {
                 "start" => starts.push(at_ns),
-                _ => all.push(Did { at_ns, number: None, command, at_mm: [0.0; 3], whole }),
+                _ => {
+                    let number = (!deed.starts_with('~')).then_some(at_ns as i64);
+                    let command = command.trim_start_matches('~').to_owned();
+                    all.push(Did { at_ns, number, command, at_mm: [0.0; 3], whole });
+                }
             }
         }
         let done = executed(&commands, &all, &starts);
@@ -160,6 +188,8 @@ mod tests {
         check(&["G28", "G1 X1", "M105", "G1 X2", "M107", "G1 X3", "M107"], (6, 0, None));
         // What is no move overtakes those in the planner.
         check(&["G28", "M107", "M107", "G1 X1", "G1 X2", "G1 X3"], (6, 0, None));
+        // The tail of a line.
+        check(&["G28", "~G1 X2", "G1 X1", "G1 X2"], (3, 0, None));
         check(&["G28", "G1 X1"], (2, 0, None));
         check(&["G28", "G1 X1", "G1 X1"], (2, 1, Some("command 2 (G1 X1) was executed where command 3")));
         check(&["G28", "G1 X2"], (1, 0, Some("command 3 (G1 X2) was executed where command 2")));

@@ -192,6 +192,11 @@ fn judge(expect: &Expect, commands: &Commands, report: &Report, done: &Executed)
         done.twice as u64 <= expect.twice_at_most,
         format!("{} commands were executed twice, {} at most were to be", done.twice, expect.twice_at_most),
     );
+    // One at most for each line that was damaged.
+    hold(
+        done.torn as u64 <= report.stats.resends_asked,
+        format!("{} tails of lines were executed", done.torn),
+    );
     hold(report.fresh == 1, format!("the job was begun {} times", report.fresh));
     if expect.outcome != End::Interrupted && expect.heaters == Heaters::Off {
         let stats = &report.stats;

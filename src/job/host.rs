@@ -224,6 +224,8 @@ enum Then {
 struct Wishes {
     pause: bool,
     resume: bool,
+    /// The pause that is on its way is for want of filament.
+    ran_out: bool,
 }
 
 /// One job on one printer. See the module's text.

@@ -227,6 +227,8 @@ pub fn next(state: State, event: Event) -> Decision {
         Event::Parked => step(state, Pausing, Paused),
         Event::Restored if state == Recovering => Decision::To(Printing),
         Event::Restored => step(state, Resuming, Printing),
+        // A pause that was on its way waits behind the printer's own.
+        Event::Asked if state == Pausing => Decision::To(Asking),
         Event::Asked => step(state, Printing, Asking),
         Event::Answered if state == TakingOver => Decision::Stay,
         Event::Answered => step(state, Asking, Printing),

@@ -70,7 +70,8 @@ enum Phase {
     /// Both sides count alike: the job is fed, held or ended, as [`Feed`] says.
     Job,
     /// No more is fed; what is in flight is awaited.
-    WindDown { until_ms: u64, interrupt: bool },
+    /// `interrupted`: the oldest line in flight when a wait for heat was last told to end.
+    WindDown { until_ms: u64, interrupted: Option<u32> },
     /// The cancel macro goes out; `next` is the index of its next line.
     Safe { next: usize, until_ms: u64 },
     /// The printer may be in mid-job and is asked where it is.

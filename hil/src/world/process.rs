@@ -5,6 +5,7 @@ use super::source::Reading;
 use crate::scenario::{Fault, Kind};
 use outrigger::job::host::{Begin, Host, HostEvent, PortWish, Request};
 use outrigger::job::record::Record;
+use outrigger::job::recover::Case;
 use outrigger::job::state::State;
 use outrigger::printer::session::{Event, Outcome};
 use std::collections::VecDeque;
@@ -301,6 +302,7 @@ fn telling(event: &HostEvent) -> String {
     match event {
         HostEvent::Told(text) => text.clone(),
         HostEvent::Refused(why) => (*why).to_owned(),
+        HostEvent::Case(Case::Refused(why)) => why.to_string(),
         HostEvent::Session(Event::Ended(Outcome::Stopped { ending, safety })) => {
             format!("{} {safety:?}", ending_words(ending))
         }

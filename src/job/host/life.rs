@@ -43,7 +43,7 @@ impl<S: Source> Host<S> {
                 self.reports[0].get_or_insert(*p);
                 self.reports[1] = Some(*p);
             }
-            Event::Waiting(Some(_)) => _ = self.happen(Happening::Asked),
+            Event::Waiting(Some(_)) => self.printer_waits(),
             Event::Waiting(None) => _ = self.happen(Happening::Answered),
             Event::Action(action) => self.act(action, now_ms),
             Event::LinkLost { .. } => {
@@ -65,6 +65,16 @@ impl<S: Source> Host<S> {
         self.session.hold(now_ms);
     }
 
+    /// The printer waits for a person. A pause that was on its way would wait behind that,
+    /// and both be answered by the same word: a pause for want of filament is done with the
+    /// change that the printer makes by itself; a person's own comes after it.
+    fn printer_waits(&mut self) {
+        let pausing = self.state == State::Pausing && self.doing == Doing::Holding;
+        if self.happen(Happening::Asked) && pausing {
+            self.wishes.pause = !std::mem::take(&mut self.wishes.ran_out);
+        }
+    }
+
     /// Nothing of the job is in flight.
     fn held(&mut self, now_ms: u64) {
         match self.doing {
@@ -75,7 +85,9 @@ impl<S: Source> Host<S> {
                     false => self.run(lines, Doing::StartMacro, now_ms),
                 }
             }
-            Doing::Holding => self.unnumber(Then::Park),
+            Doing::Holding if self.state == State::Pausing => self.unnumber(Then::Park),
+            // The printer has asked a person in between, and has its answer.
+            Doing::Holding => self.to_file(Happening::Answered),
             Doing::HoldingEnd => self.unnumber(Then::EndMacro),
             Doing::Rejoining => self.run(vec!["M114".to_owned()], Doing::Verifying, now_ms),
             Doing::Reconnecting => self.way_back(0),
@@ -281,6 +293,7 @@ impl<S: Source> Host<S> {
                 self.say("the filament has run out");
                 // Where the firmware changes it by itself, it asks.
                 if self.state == State::Printing {
+                    self.wishes.ran_out = true;
                     self.want_pause(now_ms);
                 }
             }

@@ -79,6 +79,7 @@ impl<S: Source> Host<S> {
 
     pub(super) fn parked_now(&mut self, now_ms: u64) {
         self.happen(Happening::Parked);
+        self.wishes.ran_out = false;
         self.doing = Doing::Parked;
         if let Some(parked) = &mut self.parked {
             parked.since_ms = now_ms;

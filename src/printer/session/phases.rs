@@ -68,10 +68,7 @@ impl Session {
             _ => {
                 // What the printer asked for again it shall not get.
                 self.window.truncate();
-                self.phase = Phase::WindDown {
-                    until_ms: now_ms + WIND_DOWN_MS,
-                    interrupt: self.printer.emergency_parser,
-                };
+                self.phase = Phase::WindDown { until_ms: now_ms + WIND_DOWN_MS, interrupted: None };
             }
         }
         self.pump(now_ms);

@@ -30,7 +30,7 @@ impl Session {
             let more = match self.phase {
                 Phase::Identify { asked, whence } => self.identify(asked, whence, now_ms),
                 Phase::Job => self.push_job(now_ms),
-                Phase::WindDown { interrupt, .. } => self.wind_down(interrupt, now_ms),
+                Phase::WindDown { interrupted, .. } => self.wind_down(interrupted, now_ms),
                 Phase::Safe { next, until_ms } => self.push_safe(next, until_ms),
                 _ => false,
             };
@@ -253,17 +253,24 @@ impl Session {
         false
     }
 
-    /// Waits until nothing is in flight; ends a wait for heat if that is possible.
-    fn wind_down(&mut self, interrupt: bool, now_ms: u64) -> bool {
+    /// Waits until nothing is in flight; ends each wait for heat if that is possible.
+    fn wind_down(&mut self, interrupted: Option<u32>, now_ms: u64) -> bool {
         if self.window.is_idle() {
             self.make_safe(now_ms);
             return false;
         }
-        if let Phase::WindDown { interrupt, .. } = &mut self.phase {
-            *interrupt = false;
-        }
+        // M108 ends the wait that is running and none that comes later: it goes out at
+        // once, and again when the next line's turn has come and that one waits too.
+        let oldest = self.window.acked();
         let waits = |tag: Tag| matches!(tag.kind, Kind::Heat | Kind::User);
-        if interrupt && self.window.in_flight().any(waits) {
+        let due = match interrupted {
+            None => self.window.in_flight().any(waits),
+            Some(of) => of != oldest && self.window.tag(oldest).is_some_and(waits),
+        };
+        if due && self.printer.emergency_parser {
+            if let Phase::WindDown { interrupted, .. } = &mut self.phase {
+                *interrupted = Some(oldest);
+            }
             self.push_own(b"M108", Kind::Quick);
             self.send_next(true, now_ms);
         }
