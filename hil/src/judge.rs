@@ -100,6 +100,7 @@ impl<'a> Track<'a> {
 
     fn starts_anew(&mut self) {
         self.fresh_start = true;
+        self.done.starts += 1;
     }
 
     fn took(&mut self, command: &[u8]) {
@@ -112,6 +113,13 @@ impl<'a> Track<'a> {
             None if self.commands.get(self.next_other) == Some(command) => {
                 self.times[self.next_other] += 1;
                 self.next_other = self.following(self.next_other + 1, false);
+            }
+            // After a start the way back leads in among moves that are still planned.
+            None if self.done.starts > 0 => {
+                let open = |at: &usize| self.times[*at] == 0 && self.commands.get(*at) == Some(command);
+                if let Some(at) = (0..self.times.len()).find(open) {
+                    self.times[at] += 1;
+                }
             }
             None => {}
         }
@@ -128,7 +136,6 @@ impl<'a> Track<'a> {
         if at < self.next_move {
             let again = self.commands.iter().take(self.next_move).skip(at).filter(|c| is_move(c)).count();
             self.done.back = self.done.back.max(again);
-            self.next_other = self.next_other.min(self.following(at, false));
         }
         self.fresh_start = false;
         self.times[at] += 1;

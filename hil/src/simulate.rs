@@ -214,7 +214,12 @@ impl Run {
         }
         let whole = done.through == self.commands.len();
         if report.state == State::Finished && !whole {
-            return Some(format!("4: finished after {} of {} commands", done.through, self.commands.len()));
+            let missing = String::from_utf8_lossy(self.commands.get(done.through).unwrap_or_default());
+            return Some(format!(
+                "4: finished after {} of {} commands, without {missing}",
+                done.through,
+                self.commands.len()
+            ));
         }
         let excused = starts > 0 || self.had(&[Kind::Cancel, Kind::EmergencyStop, Kind::Halt]);
         if !excused && report.state != State::Finished {
@@ -246,7 +251,7 @@ impl Run {
     /// 3: a move of the job after a start, and no person had said that all is clear.
     fn without_a_word(&self) -> Option<String> {
         let starts: Vec<_> = self.starts_in_mid_job().collect();
-        for deed in self.report.deeds.iter().filter(|d| d.command.starts_with("G1 X")) {
+        for deed in self.report.deeds.iter().filter(|d| d.whole && d.command.starts_with("G1 X")) {
             let Some(since_ns) = starts.iter().copied().filter(|at| *at <= deed.at_ns).max() else {
                 continue;
             };

@@ -6,6 +6,9 @@ use outrigger::job::host::Request;
 use outrigger::job::state::State;
 use outrigger::printer::mock::faults;
 
+/// How often a user tries to resume a job: he reads why it was refused.
+const CONFIRMS_MAX: usize = 4;
+
 /// Faults that wait, and those whose time is known.
 #[derive(Debug, Default)]
 pub struct Events {
@@ -111,7 +114,8 @@ impl World {
 
     /// A process has ended: where it left the job interrupted, the user may look.
     pub(super) fn user_sees_the_end(&mut self) {
-        let interrupted = self.life.state == State::Interrupted;
+        let interrupted = self.life.state == State::Interrupted
+            && self.life.confirmed_ns.len() < CONFIRMS_MAX;
         if let Some(after_ns) = self.plan.user.confirms_ns.filter(|_| interrupted) {
             self.events.later(self.now_ns + after_ns, Fault::at_s(Kind::Confirm, 0.0));
         }

@@ -49,8 +49,8 @@ pub const STATES: [(State, &str); 17] = [
     (State::Failed, "failed"),
 ];
 
-/// Lines of the transcript that are kept: the tail that explains a failure.
-const TRANSCRIPT_LINES: usize = 2_000;
+/// Lines of the transcript that are kept: hours of a run that hangs and reports temperatures.
+const TRANSCRIPT_LINES: usize = 50_000;
 
 /// Steps without any passing of time after which the world is said to be stuck: a
 /// live lock between two sans-I/O cores would otherwise be an endless loop.

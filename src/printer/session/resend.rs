@@ -23,7 +23,10 @@ impl Session {
         self.stall.progress(now_ms);
         self.answers.swallow_ok = true;
         self.answers.proved = false;
-        let known = n >= self.window.first() && n <= self.window.next();
+        // The first line of all, which was proved to be accepted: it has started anew, and
+        // its `start` was lost. Sent again, the job would begin anew over the part.
+        let anew = n <= 1 && self.proved_through > 0;
+        let known = !anew && n >= self.window.first() && n <= self.window.next();
         let wanted = known.then_some(n);
         if self.answers.drain.is_some_and(|d| d.line == wanted) {
             // `Error:… Last Line` and `Resend`, or more lines of the same burst.
@@ -32,6 +35,9 @@ impl Session {
         self.answers.drain_for(wanted, now_ms);
         if known {
             self.rewind(n, now_ms);
+        } else if anew && self.answers.odd_requests + 1 >= ANEW_REQUESTS {
+            let job_line = self.job_acked;
+            self.fail_at_once(Failure::Reset { job_line });
         } else {
             self.odd_request(n, now_ms);
         }

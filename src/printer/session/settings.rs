@@ -99,6 +99,10 @@ pub(super) const MAX_TIMEOUTS: u32 = 5;
 /// fails by its content or a broken cable.
 pub(super) const MAX_RESENDS: u32 = 10;
 
+/// A printer that asks so often in a row for what cannot be, the first line among it, was
+/// reset: one request may be garbled.
+pub(super) const ANEW_REQUESTS: u32 = 2;
+
 /// Resend requests in a row for lines that we do not have. One may be garbled.
 pub(super) const MAX_ODD_REQUESTS: u32 = 3;
 

@@ -276,7 +276,9 @@ impl Firmware {
                     Wait::Until(at) => Some(*at),
                     Wait::Heat(heat) => Some(heat.done_ns.min(heat.report_ns)),
                     Wait::User { until_ns, .. } => *until_ns,
-                    Wait::Room(_) | Wait::Drain(_) => None,
+                    // The planner's own end of a move leads on, unless the board did not run then.
+                    Wait::Room(_) => (self.planner.free() > 0).then_some(self.now_ns),
+                    Wait::Drain(_) => self.planner.is_empty().then_some(self.now_ns),
                 });
                 let busy = (self.wait.is_some() && self.busy_every_ns > 0).then_some(self.busy_next_ns);
                 // Work that waits for the transmitter.

@@ -375,3 +375,24 @@ fn temperatures_are_asked_for_where_they_do_not_come() {
          ! Ended(Finished)",
     );
 }
+
+/// A reset whose `start` was lost in noise: the board asks for the first line of all. Once may
+/// be a garbled number; the job is never sent again from there.
+#[test]
+fn a_lost_start_is_seen_by_what_is_asked_for() {
+    check(
+        "job 2",
+        "> N4 G1 X1
+             > N5 G1 X2
+             > N6 M400
+             < ok
+             < svart
+             < Error:Line Number is not Last Line Number+1, Last Line: 0
+             < Resend: 1
+             < ok
+             + 20
+             > N7 M105
+             < Error:Line Number is not Last Line Number+1, Last Line: 0
+             ! Ended(Stopped { ending: Failed(Reset { job_line: 1 }), safety: ByFirmware })",
+    );
+}
