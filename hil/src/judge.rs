@@ -41,7 +41,7 @@ pub fn executed(commands: &Commands, deeds: &[Did], starts_ns: &[u64]) -> Execut
     let mut track = Track::new(commands);
     let mut starts = starts_ns.iter().peekable();
     for deed in deeds.iter().filter(|d| d.whole) {
-        while starts.next_if(|at_ns| **at_ns <= deed.at_ns).is_some() {
+        while starts.next_if(|at_ns| **at_ns < deed.at_ns).is_some() {
             track.starts_anew();
         }
         if deed.number.is_none() && track.moves.contains_key(deed.command.as_bytes()) {

@@ -30,8 +30,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 /// Commands that a resume after a start of the board may go over again: the commands
-/// that the host sends beyond its last durable checkpoint, the planner and the queue.
-pub const TWICE_MOST: usize = 1024 + 16 + 4;
+/// that the host sends beyond its last durable checkpoint, the largest planner and queue
+/// of the firmwares here, and what a clean place for the restart is looked for in.
+pub const TWICE_MOST: usize = 1024 + 64 + 32 + 18;
 
 /// A simulated run that takes longer hangs, ns: the longest waits of the host follow each
 /// other in far less than six hours.
@@ -252,7 +253,7 @@ impl Run {
     fn without_a_word(&self) -> Option<String> {
         let starts: Vec<_> = self.starts_in_mid_job().collect();
         for deed in self.report.deeds.iter().filter(|d| d.whole && d.command.starts_with("G1 X")) {
-            let Some(since_ns) = starts.iter().copied().filter(|at| *at <= deed.at_ns).max() else {
+            let Some(since_ns) = starts.iter().copied().filter(|at| *at < deed.at_ns).max() else {
                 continue;
             };
             let said = self.report.confirmed_ns.iter().any(|at| (since_ns..=deed.at_ns).contains(at));
@@ -313,6 +314,9 @@ fn throw(dice: &mut Dice, seed: u64, commands: &Commands, profile: &Profile, tra
     config.dtr_reset = dice.chance(200);
     let rx_bytes = config.rx_bytes;
     let mut settings = settings(profile, config.dtr_reset);
+    // As a profile of this printer says.
+    settings.resume.planner_moves = config.blocks as u32;
+    settings.resume.queue_commands = config.queue as u32;
     settings.session.window = match dice.chance(150) {
         true => Limit::Lines(1),
         false => Limit::Bytes(rx_bytes.min(128) - 8),
