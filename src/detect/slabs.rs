@@ -1,7 +1,7 @@
 //! Edges by height, so that a point looks only at those beside it.
 //!
 //! Takes edges, gives those that reach into a range of heights, and perhaps a few
-//! more. Holds at most three entries an edge, whatever the shape.
+//! more. Holds at most four entries an edge, in the mean, whatever the shape.
 use crate::layers::shape::{Point, Ring, ring_edges};
 
 /// From a point to a point.
@@ -34,7 +34,8 @@ impl Slabs {
         if count == 0 {
             return Slabs { bottom: 0, height: 1, starts: vec![0], edges: Vec::new() };
         }
-        let height = (total / (2 * count)).max((high - low) / count).max(1);
+        // Rounded up: an edge reaches into `length / height + 2` slabs at most.
+        let height = ((total + 2 * count - 1) / (2 * count)).max((high - low) / count).max(1);
         let mut slabs = Slabs { bottom: low, height, starts: Vec::new(), edges: Vec::new() };
         let count = slabs.at(high) + 1;
         let mut starts = vec![0_u32; count + 1];

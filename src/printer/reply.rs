@@ -16,7 +16,8 @@ pub enum Reply<'a> {
     Ok(Ack),
     /// Send again from this line number: `Resend: 4`, `rs 4`, `Resend: N:4`.
     Resend(u32),
-    /// `Error:…, Last Line: 3`: a line was refused; what follows it is lost.
+    /// `Error:…, Last Line: 3`, `Error:expected line 4 got 7` (Repetier): a line was
+    /// refused; what follows it is lost.
     Refused {
         /// Number of the last line that was accepted.
         last_line: u32,
@@ -188,8 +189,13 @@ fn error_or_echo(line: &[u8]) -> Option<Reply<'_>> {
     })
 }
 
-/// The number at the end of `…, Last Line: 3`.
+/// The number at the end of `…, Last Line: 3`, or one less than in Repetier's
+/// `expected line 4 got 7`.
 fn last_line(text: &[u8]) -> Option<u32> {
+    if let Some(rest) = text.trim_ascii_start().strip_prefix(b"expected line ") {
+        let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
+        return rest[digits..].starts_with(b" got ").then(|| number(&rest[..digits]))??.checked_sub(1);
+    }
     let digits = text.iter().rev().take_while(|b| b.is_ascii_digit()).count();
     let (head, n) = text.split_at(text.len() - digits);
     head.trim_ascii_end().strip_suffix(b"Last Line:")?;
@@ -361,6 +367,7 @@ mod tests {
         refused("Error:checksum mismatch, Last Line: 3", 3);
         refused("Error:Line Number is not Last Line Number+1, Last Line: 33", 33);
         refused("Error:No Checksum with line number, Last Line: 0", 0);
+        refused("Error:expected line 39 got 2000000000", 38);
         for line in [
             "!! MCU shutdown",
             "Error:Printer halted. kill() called!",
@@ -375,6 +382,8 @@ mod tests {
         for line in [
             "Error:File: thermal runaway.gco not found",
             "Error:Last Line: soon",
+            "Error:expected line 39 g",
+            "Error:expected line 0 got 7",
             "Error:",
             "error:volume.init failed",
         ] {

@@ -165,6 +165,8 @@ pub struct Session {
     /// Whether a line of the job or of a macro was ever sent, or may have been by
     /// someone before us: the printer may be hot.
     touched: bool,
+    /// Of the cancel macro only what does not move is sent.
+    still: bool,
     /// Whether numbers on the wire stand for lines of the job.
     job_begun: bool,
     /// The printer counts from 0 in mid-job, and nobody has written down from where
@@ -207,6 +209,7 @@ impl Session {
             own: VecDeque::new(),
             own_running: false,
             touched: false,
+            still: false,
             job_begun: false,
             unnumbered: false,
             asked: None,

@@ -114,8 +114,8 @@ impl World {
 
     /// A process has ended: where it left the job interrupted, the user may look.
     pub(super) fn user_sees_the_end(&mut self) {
-        let interrupted = self.life.state == State::Interrupted
-            && self.life.confirmed_ns.len() < CONFIRMS_MAX;
+        let interrupted =
+            self.life.state == State::Interrupted && self.life.confirmed_ns.len() < CONFIRMS_MAX;
         if let Some(after_ns) = self.plan.user.confirms_ns.filter(|_| interrupted) {
             self.events.later(self.now_ns + after_ns, Fault::at_s(Kind::Confirm, 0.0));
         }

@@ -78,6 +78,9 @@ impl<S: Source> Host<S> {
 
     /// How high the nozzle is after the cancel macro, as far as that is certain.
     fn note_height(&mut self, safety: Safety) {
+        if self.session.keeps_still() {
+            return;
+        }
         let z_mm = match safety {
             // The macro did not run: it stands where it stood.
             Safety::Untouched | Safety::ByFirmware => return,

@@ -59,7 +59,11 @@ impl<S: Source> Host<S> {
 
     fn connected(&mut self, now_ms: u64) {
         if self.state == State::TakingOver {
-            // The port went and came back before anything was sent.
+            // The port went and came back before anything was sent. A way back needs a
+            // person's word anew: it may have been away for long.
+            if self.plan().is_some() {
+                return self.lost_its_state();
+            }
             self.happen(Happening::Start);
         }
         self.session.hold(now_ms);

@@ -20,6 +20,9 @@ const WALK_COMMANDS: usize = 2_048;
 /// How often the printer is asked where its head is.
 const ASK_WHERE_TRIES: u32 = 4;
 
+/// Reports of a place where the file does not have the head, until they are believed.
+const DIFFERING_REPORTS: u32 = 2;
+
 /// What is known of the job that is taken up.
 #[derive(Debug)]
 pub(super) struct TakeUp {
@@ -154,7 +157,7 @@ impl<S: Source> Host<S> {
     }
 
     /// The printer started anew in mid-job: its heaters are off.
-    fn lost_its_state(&mut self) {
+    pub(super) fn lost_its_state(&mut self) {
         if self.taken.as_ref().is_some_and(|t| t.log.state == State::Cancelling) {
             self.happen(Happening::Cancel);
         }
@@ -179,10 +182,9 @@ impl<S: Source> Host<S> {
             return;
         }
         if self.taken.as_ref().is_some_and(|t| t.log.made_safe.is_some()) {
-            // It is cold, and going up once more would take it to the top at last.
-            self.happen(Happening::Reset);
-            self.closing = true;
-            return;
+            // It has gone up already, and once more would take it to the top at last; but
+            // where a way back had begun, it is warm again.
+            self.session.keep_still(true);
         }
         let was = self.taken.as_ref().map_or(State::Lost, |t| t.log.state);
         self.happen(if was == State::Cancelling { Happening::Cancel } else { Happening::Fail });
@@ -343,6 +345,11 @@ impl<S: Source> Host<S> {
             return self.found_parked(want, now_ms);
         }
         if let Err(differs) = self.tracker.agrees(report) {
+            // A digit may have been lost on the way: two reports in a row must differ.
+            self.asked_where += 1;
+            if self.asked_where < DIFFERING_REPORTS {
+                return self.run(vec!["M114".to_owned()], Doing::Verifying, now_ms);
+            }
             let text = format!("its head is not where the file has it: {differs}");
             self.book.push(Record::Note(text.clone()));
             self.say(text);
@@ -432,6 +439,8 @@ impl<S: Source> Host<S> {
     /// The handshake, unless it is through.
     pub(super) fn reconnect(&mut self, now_ms: u64) {
         self.doing = Doing::Reconnecting;
+        // Until the nozzle is soft it sticks to the part.
+        self.session.keep_still(true);
         self.tracker = Tracker::new(self.settings.e_modes);
         if self.session.is_held() {
             self.way_back(0);
@@ -466,6 +475,9 @@ impl<S: Source> Host<S> {
             return;
         };
         self.say(step_of.what);
+        if let ZDuring::MovesTo(_) = step_of.z {
+            self.session.keep_still(false);
+        }
         self.run(step_of.lines, Doing::WayBack(step), now_ms);
     }
 

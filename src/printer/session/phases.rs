@@ -47,6 +47,17 @@ impl Session {
         }
     }
 
+    /// Whether a cancel or a failure from now on leaves the head where it is: of the cancel
+    /// macro only M commands are sent. For a nozzle that sticks to the part.
+    pub fn keep_still(&mut self, still: bool) {
+        self.still = still;
+    }
+
+    /// See [`Session::keep_still`].
+    pub fn keeps_still(&self) -> bool {
+        self.still
+    }
+
     /// The user wants the job to end: no more is fed, what the printer has is
     /// awaited, the cancel macro follows. While the port is gone, nothing is sent
     /// before it is back.

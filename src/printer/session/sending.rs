@@ -293,6 +293,7 @@ impl Session {
         let n = self.window.next();
         let mut scratch = Vec::new();
         let command = sendable(line.as_bytes(), &mut scratch)
+            .filter(|command| !self.still || command.first() == Some(&b'M'))
             .and_then(|command| fit(n, command, self.settings.max_line).ok());
         if let Some(command) = command {
             if !self.window.has_room(framed_len(n, command.len()) + 1) {
