@@ -67,6 +67,8 @@ impl<S: Source> Host<S> {
         }
         self.happen(Happening::TakeUp);
         self.doing = Doing::Finding;
+        // It may have been reset, and its cold nozzle stick to the part.
+        self.session.keep_still(true);
         self.acked = log.checkpoint;
         let log = log.clone();
         let taken =
@@ -79,6 +81,13 @@ impl<S: Source> Host<S> {
 
     /// What the printer says of itself.
     pub(super) fn found(&mut self, found: Found, now_ms: u64) {
+        match found {
+            Found::Counting { last } if last > 0 && self.doing == Doing::Finding => {
+                self.session.keep_still(false);
+            }
+            Found::Counting { last } if last > 0 => {}
+            _ => self.session.keep_still(true),
+        }
         match (self.doing, found) {
             (Doing::Finding, _) => self.take_up(found),
             // It has started while the file was walked.
@@ -120,6 +129,7 @@ impl<S: Source> Host<S> {
             // What is known of it is walked to; the rest follows in `found`.
             _ if guards => self.set_case(Case::Unsafe),
             Case::NotBegun => {
+                self.session.keep_still(false);
                 self.happen(Happening::Start);
                 self.acked = Checkpoint::default();
                 self.doing = Doing::Connecting;

@@ -143,8 +143,12 @@ impl Session {
             return;
         }
         match search {
-            // Cancelled or failed meanwhile: heat matters, not the count.
-            Search::Listening { .. } if self.ending.is_some() => self.make_safe(now_ms),
+            // Cancelled or failed meanwhile: heat matters, not the count. It may have been
+            // reset, and its cold nozzle stick to the part.
+            Search::Listening { .. } if self.ending.is_some() => {
+                self.still = true;
+                self.make_safe(now_ms);
+            }
             Search::Listening { .. } => self.ask_last(
                 Question {
                     tries: 0,
