@@ -32,7 +32,7 @@ pub struct Executed {
 /// begin anew at any move that is not beyond what was made. What is no move ends when
 /// it is done, while earlier moves are still in the planner, so it has an order of its own.
 ///
-/// A line of the job always has a number. A move of the job without one is the tail of a
+/// A line of a host always has a number. A move without one is the tail of a
 /// line: after a damaged line the board throws away what has arrived, and where that ends
 /// just before the command letter of a line that is still on the wire, its tail is a line
 /// without number or check. No sender that keeps more than one line on its way can prevent
@@ -44,7 +44,7 @@ pub fn executed(commands: &Commands, deeds: &[Did], starts_ns: &[u64]) -> Execut
         while starts.next_if(|at_ns| **at_ns < deed.at_ns).is_some() {
             track.starts_anew();
         }
-        if deed.number.is_none() && track.moves.contains_key(deed.command.as_bytes()) {
+        if deed.number.is_none() && is_move(deed.command.as_bytes()) {
             track.done.torn += 1;
             continue;
         }

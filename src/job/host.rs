@@ -262,6 +262,8 @@ pub struct Host<S> {
     reports: [Option<Position>; 2],
     /// How often it was asked where its head is.
     asked_where: u32,
+    /// When it is asked again, unless the answer comes before.
+    asks_where_ms: Option<u64>,
     wishes: Wishes,
     parked: Option<Box<Parked>>,
     taken: Option<Box<TakeUp>>,
@@ -304,6 +306,7 @@ impl<S: Source> Host<S> {
             own: Vec::new(),
             reports: [None; 2],
             asked_where: 0,
+            asks_where_ms: None,
             wishes: Wishes::default(),
             parked: None,
             taken: None,
@@ -328,6 +331,7 @@ impl<S: Source> Host<S> {
         self.session.on_tick(now_ms);
         self.walk_on(now_ms);
         self.cool_down(now_ms);
+        self.ask_where_again(now_ms);
         self.go_on(now_ms);
     }
 
@@ -428,7 +432,10 @@ impl<S: Source> Host<S> {
         // A walk goes on at once.
         let walk = self.is_walking().then_some(0);
         let checkpoint = (self.acked.commands > self.noted.0).then_some(self.noted.1 + CHECKPOINT_MS);
-        [self.session.deadline(), walk, checkpoint, self.cools_at()].into_iter().flatten().min()
+        [self.session.deadline(), walk, checkpoint, self.cools_at(), self.asks_where_ms]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// Where the job is.

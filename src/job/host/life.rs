@@ -42,6 +42,9 @@ impl<S: Source> Host<S> {
             Event::Position(p) => {
                 self.reports[0].get_or_insert(*p);
                 self.reports[1] = Some(*p);
+                if self.doing == Doing::Verifying && self.asks_where_ms.take().is_some() {
+                    self.verify(now_ms);
+                }
             }
             Event::Waiting(Some(_)) => self.printer_waits(),
             Event::Waiting(None) => _ = self.happen(Happening::Answered),

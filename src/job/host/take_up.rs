@@ -17,8 +17,10 @@ use crate::printer::source::Source;
 /// Commands walked at a time: some milliseconds' work.
 const WALK_COMMANDS: usize = 2_048;
 
-/// How often the printer is asked where its head is.
-const ASK_WHERE_TRIES: u32 = 4;
+/// How long after an unanswered question where its head is the printer is asked again, ms.
+/// The answer may be lost; one that acknowledges lines before it runs them (Repetier) may
+/// heat first.
+const ASK_WHERE_AFTER_MS: [u64; 5] = [500, 2_000, 20_000, 120_000, 300_000];
 
 /// Reports of a place where the file does not have the head, until they are believed.
 const DIFFERING_REPORTS: u32 = 2;
@@ -330,10 +332,11 @@ impl<S: Source> Host<S> {
             return self.end_again(now_ms);
         }
         let Some(report) = self.reports[1] else {
-            // An `ok` of before we came may have been taken for M114's: once more.
-            self.asked_where += 1;
-            if self.asked_where < ASK_WHERE_TRIES {
-                return self.run(vec!["M114".to_owned()], Doing::Verifying, now_ms);
+            let tries = usize::try_from(self.asked_where).unwrap_or(usize::MAX);
+            if let Some(after_ms) = ASK_WHERE_AFTER_MS.get(tries) {
+                self.asked_where += 1;
+                self.asks_where_ms = Some(now_ms + after_ms);
+                return;
             }
             self.say("the printer does not say where its head is");
             return self.not_known(now_ms);
@@ -367,6 +370,16 @@ impl<S: Source> Host<S> {
         }
         self.tracker.resolve(report);
         self.to_file(Happening::TakenOver);
+    }
+
+    /// The answer is overdue.
+    pub(super) fn ask_where_again(&mut self, now_ms: u64) {
+        if self.asks_where_ms.is_some_and(|at| at <= now_ms) {
+            self.asks_where_ms = None;
+            if self.doing == Doing::Verifying {
+                self.run(vec!["M114".to_owned()], Doing::Verifying, now_ms);
+            }
+        }
     }
 
     /// The file was printed to its end; its end macro runs again.
