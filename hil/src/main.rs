@@ -4,6 +4,7 @@
 //! build has all: the watchdog, and, where [`RUNS_AS`] is set, `outrigger` itself.
 use anyhow::Context;
 use clap::{Parser, Subcommand};
+use outrigger_hil::play;
 use outrigger_hil::rig::program::{Installed, RUNS_AS};
 use outrigger_hil::rig::skips::skips;
 use outrigger_hil::rig::suite::{Place, Suite, Tally};
@@ -50,6 +51,9 @@ struct Args {
     /// Against the mock alone.
     #[arg(long, conflicts_with = "octoprint")]
     mock: bool,
+    /// In the virtual world instead: no program, no terminal, and hours in a moment.
+    #[arg(long, conflicts_with_all = ["port", "mock", "octoprint"])]
+    virtual_clock: bool,
     /// Against OctoPrint's virtual printer alone, by this Python [default:
     /// $OUTRIGGER_OCTOPRINT_PYTHON or python3].
     #[arg(long, value_name = "PYTHON", num_args = 0..=1)]
@@ -133,6 +137,10 @@ fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let root = root();
     let scenarios = scenarios(args, &root)?;
+    if args.virtual_clock {
+        let holds = virtually(&scenarios, &root, args.lines);
+        return Ok(ExitCode::from(u8::from(!holds)));
+    }
     let rig = args.rig.as_deref().map_or_else(|| Ok(Rig::mock()), Rig::load)?;
     let hil = std::env::current_exe().context("cannot find this program")?;
     let installed = match &args.program {
@@ -165,7 +173,7 @@ fn run(args: &Args) -> anyhow::Result<ExitCode> {
         if real && !args.yes && !agreed(&suite, &scenarios)? {
             anyhow::bail!("nothing was done");
         }
-        let tally = play(&suite, &scenarios, args.lines);
+        let tally = on_the_rig(&suite, &scenarios, args.lines);
         all.broken += tally.broken;
     }
     Ok(ExitCode::from(u8::from(all.broken > 0)))
@@ -247,7 +255,7 @@ fn list(suite: &Suite<'_>, scenarios: &[Scenario]) {
     }
 }
 
-fn play(suite: &Suite<'_>, scenarios: &[Scenario], lines: usize) -> Tally {
+fn on_the_rig(suite: &Suite<'_>, scenarios: &[Scenario], lines: usize) -> Tally {
     let (name, started) = (called(&suite.place), Instant::now());
     let tally = suite.play(scenarios, |scenario, came| {
         let head = format!("{name}: {}", scenario.name);
@@ -270,6 +278,27 @@ fn play(suite: &Suite<'_>, scenarios: &[Scenario], lines: usize) -> Tally {
     let took_s = started.elapsed().as_secs_f64();
     say(&format!("{name}: {hold} hold, {broken} do not, {skipped} were skipped, in {took_s:.0} s"));
     tally
+}
+
+/// Plays them on the virtual clock; whether all hold.
+fn virtually(scenarios: &[Scenario], root: &Path, lines: usize) -> bool {
+    let mut broken = 0;
+    for scenario in scenarios {
+        let complaint = match play::play(scenario, root) {
+            Ok(played) => played.complaint(lines),
+            Err(why) => Some(format!("{why:#}")),
+        };
+        let head = format!("virtual clock: {}", scenario.name);
+        match complaint {
+            None => say(&format!("{head}: holds")),
+            Some(why) => {
+                broken += 1;
+                say(&format!("{head}: DOES NOT HOLD: {}", why.trim_end()));
+            }
+        }
+    }
+    say(&format!("virtual clock: {} hold, {broken} do not", scenarios.len() - broken));
+    broken == 0
 }
 
 /// Tells what will happen to the real printer, and waits for a yes.

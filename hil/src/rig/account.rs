@@ -25,6 +25,9 @@ pub struct Account {
     line: Vec<u8>,
     /// What the printer must have taken, in order.
     took: Vec<Executed>,
+    /// What it seemed to have taken and then wanted again: until it takes the next line, it may
+    /// think better of it.
+    aside: Vec<Executed>,
     /// The number that it wants next.
     wants: i64,
     /// When it said `start`, ns, since it first took a line.
@@ -43,6 +46,7 @@ impl Account {
             stall_ns: 0,
             line: Vec::new(),
             took: Vec::new(),
+            aside: Vec::new(),
             wants: 1,
             starts_ns: Vec::new(),
             heat: None,
@@ -97,6 +101,9 @@ impl Account {
     }
 
     fn push(&mut self, number: Option<i64>, command: &[u8], at_ns: u64) {
+        if number.is_some() {
+            self.aside.clear();
+        }
         let command = String::from_utf8_lossy(command).into_owned();
         self.took.push(Executed { at_ns, number, command, at_mm: [0.0; 3], whole: true });
     }
@@ -123,15 +130,19 @@ impl Account {
         }
     }
 
-    /// It wants this number again: what seemed to be taken from there on was not.
+    /// It wants this number again: what seemed to be taken from there on was not. One that
+    /// wants a later number right after that says that it has the earlier ones nevertheless.
     fn refused(&mut self, wants: i64) {
         let numbering = |t: &Executed| t.command.starts_with("M110");
         let since = self.took.iter().rposition(numbering).map_or(0, |at| at + 1);
-        let mut at = 0;
-        self.took.retain(|t| {
-            at += 1;
-            at <= since || t.number.is_none_or(|n| n < wants)
-        });
+        let mut tail = self.took.split_off(since);
+        tail.append(&mut self.aside);
+        for one in tail {
+            match one.number.is_none_or(|n| n < wants) {
+                true => self.took.push(one),
+                false => self.aside.push(one),
+            }
+        }
         self.wants = wants;
     }
 
@@ -220,6 +231,11 @@ mod tests {
         account.reached(&framed(2, "G1 X1"), 6);
         account.reached(b"M105\n", 7);
         assert_eq!(took(&account), ["M110 N0", "G28", "G1 X1", "M105"]);
+        // OctoPrint's `resend_with_timeout` wants a line again and then claims to have it.
+        account.said(b"Resend: 2\n", 8);
+        account.said(b"Resend: 3\n", 9);
+        account.reached(&framed(3, "G1 X2"), 10);
+        assert_eq!(took(&account), ["M110 N0", "G28", "M105", "G1 X1", "G1 X2"]);
     }
 
     #[test]

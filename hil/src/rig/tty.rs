@@ -65,6 +65,7 @@ pub struct Pty {
     /// Tells who opens and closes it.
     pub watch: OwnedFd,
     opens: u32,
+    link: PathBuf,
 }
 
 impl Pty {
@@ -88,7 +89,7 @@ impl Pty {
         let _ = std::fs::remove_file(&beside);
         std::os::unix::fs::symlink(&path, &beside)?;
         std::fs::rename(&beside, link)?;
-        Ok(Self { master, slave, watch, opens: 0 })
+        Ok(Self { master, slave, watch, opens: 0, link: link.to_owned() })
     }
 
     /// Whether a program has it open.
@@ -113,6 +114,14 @@ impl Pty {
             drop_unread(&self.slave);
         }
         Ok(self.opens > 0)
+    }
+}
+
+impl Drop for Pty {
+    /// The link goes first: the next terminal of anybody has this one's name, and a program that
+    /// waits for its port would find that one.
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.link);
     }
 }
 

@@ -17,6 +17,14 @@ use std::time::{Duration, Instant};
 /// planner holds a second's worth at most.
 const AFTERMATH: Duration = Duration::from_millis(300);
 
+/// What the program says of the printer's heaters at the end, and what a scenario calls that.
+const SAFETY: [(&str, &str); 4] = [
+    ("nothing of it was sent", "Untouched"),
+    ("has run the cancel macro", "Acknowledged"),
+    ("has switched its heaters off", "ByFirmware"),
+    ("HEATERS MAY BE ON", "Unknown"),
+];
+
 /// What came of one scenario.
 #[derive(Debug)]
 pub enum Verdict {
@@ -95,7 +103,7 @@ fn report(stage: &mut Stage<'_>) -> Report {
         deeds,
         starts_ns,
         stats,
-        told: stage.program.said(),
+        told: told(&stage.program.said()),
         ended_ns: stage.ended_ns.max(stage.events.first_ns.unwrap_or_default()),
         fault_ns: stage.events.first_ns,
         cold_ns: stage.cold_ns,
@@ -105,6 +113,12 @@ fn report(stage: &mut Stage<'_>) -> Report {
         confirmed_ns: std::mem::take(&mut stage.confirmed_ns),
         transcript: std::mem::take(&mut stage.transcript),
     }
+}
+
+/// What the user was told, with a scenario's own names for it.
+fn told(said: &str) -> String {
+    let named = SAFETY.iter().filter(|(words, _)| said.contains(words));
+    named.fold(said.to_owned(), |told, (_, name)| told + name + "\n")
 }
 
 /// What a printer that cannot be asked must have done.
