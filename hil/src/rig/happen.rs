@@ -13,6 +13,10 @@ const REOPEN_NS: u64 = 100_000_000;
 /// Between two looks at whether the last process has ended, for a person who waits for that.
 const WAIT_NS: u64 = 100_000_000;
 
+/// From a port's being opened to its modes being set: a port that goes in between is none, and
+/// the program says so and begins no job. Its first line comes later (the boot wait is 50 ms).
+const OPENING_NS: u64 = 20_000_000;
+
 /// A scenario's times are written for mechanics at life's speed: what people do comes
 /// so many times sooner where these are faster. What happens to the wire and the board lasts
 /// as long as it says, for the program's own clock is the real one.
@@ -156,7 +160,7 @@ impl Stage<'_> {
         }
         let open = self.pty.as_mut().map_or(Ok(false), Pty::is_open)?;
         if open && self.opened_ns.is_none() {
-            self.opened_ns = Some(now_ns);
+            self.opened_ns = Some(now_ns + OPENING_NS);
         }
         if self.restarts_ns.is_some_and(|at_ns| at_ns <= now_ns) && self.pty.is_some() {
             self.restarts_ns = None;

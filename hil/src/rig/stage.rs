@@ -111,8 +111,9 @@ impl<'a> Stage<'a> {
         let device = target.device().to_owned();
         let fd = tty::open_device(&device, baud).with_context(|| device.display().to_string())?;
         tty::lock(&fd).with_context(|| format!("{} is taken", device.display()))?;
-        let leash = Leash::start(setup.hil, &device, baud, setup.rig_file)?;
+        // Nothing is hot before the first line of the job, and nobody beats while a board starts.
         target.prepare(&fd, baud, rig)?;
+        let leash = Leash::start(setup.hil, &device, baud, setup.rig_file)?;
         let port = folder.join("port");
         let noise = scenario.noise;
         let chances = |corrupt, lose| Chances {

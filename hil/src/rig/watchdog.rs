@@ -55,7 +55,7 @@ impl std::fmt::Display for Reason {
             Reason::Died => write!(f, "the runner died"),
             Reason::Hangs => write!(f, "the runner hangs"),
             Reason::Late => write!(f, "the scenario's time is over"),
-            Reason::Hot(is, most) => write!(f, "{is} °C measured, {most} at most are allowed"),
+            Reason::Hot(is, most) => write!(f, "{is} °C measured, {most} °C at most are allowed"),
         }
     }
 }
