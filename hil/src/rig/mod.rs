@@ -93,7 +93,7 @@ impl Rig {
             power_off: None,
             power_on: None,
             lift_mm: 0.0,
-            limits: Limits { nozzle_c: 280.0, bed_c: 130.0, scenario_s: 900.0 },
+            limits: Limits { nozzle_c: 280.0, bed_c: 130.0, scenario_s: 300.0 },
         }
     }
 
