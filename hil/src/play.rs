@@ -164,8 +164,8 @@ fn not_told(expect: &Expect, told: &str) -> Vec<String> {
     missing.map(|words| format!("the user was not told of {words:?}")).collect()
 }
 
-/// All that must hold.
-fn judge(expect: &Expect, commands: &Commands, report: &Report, done: &Executed) -> Vec<String> {
+/// All that must hold; what does not.
+pub fn judge(expect: &Expect, commands: &Commands, report: &Report, done: &Executed) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut hold = |holds: bool, what: String| {
         if !holds {

@@ -6,17 +6,23 @@
 //! judges what came of it.
 //!
 //! # Layout
-//! Here what a rig's file says · [`tty`] terminals · [`program`] the program and what it says ·
-//! [`stage`] the loop that carries bytes · [`target`] what is printed on · [`verdict`] what must
-//! hold · [`watchdog`] makes the printer safe when all this dies.
+//! Here what a rig's file says · [`skips`] what cannot be played where · [`tty`] terminals ·
+//! [`program`] the program and what it says · [`account`] what went over the wire · [`stage`] the
+//! loop that carries bytes, and `happen` what happens in it · [`target`] what is printed on ·
+//! [`profile`] and job as they are here · [`verdict`] what must hold · [`suite`] many scenarios · [`watchdog`] makes the
+//! printer safe when all this dies.
+pub mod account;
+mod happen;
+pub mod profile;
 pub mod program;
+pub mod skips;
 pub mod stage;
+pub mod suite;
 pub mod target;
 pub mod tty;
 pub mod verdict;
 pub mod watchdog;
 
-use crate::scenario::{Kind, Place, Scenario};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -28,6 +34,7 @@ profile = "ender-3"            # the printer's profile; its baud rate is used
 dtr_reset = true               # toggling DTR resets the board
 power_off = "usb-relay 1 off"  # a command that cuts the printer's power (optional;
 power_on = "usb-relay 1 on"    #   both or neither)
+lift_mm = 50                   # the jobs' moves are so much higher than they say [50]
 
 [limits]                       # beyond these the watchdog makes the printer safe
 nozzle_c = 230                 # measured, °C
@@ -53,8 +60,15 @@ pub struct Rig {
     pub power_off: Option<String>,
     /// Gives it back.
     pub power_on: Option<String>,
+    /// The jobs' moves are so much higher than they say, mm: nothing is to be printed.
+    #[serde(default = "lift_mm")]
+    pub lift_mm: f64,
     /// What the watchdog allows.
     pub limits: Limits,
+}
+
+fn lift_mm() -> f64 {
+    50.0
 }
 
 /// What the watchdog allows.
@@ -78,7 +92,8 @@ impl Rig {
             dtr_reset: false,
             power_off: None,
             power_on: None,
-            limits: Limits { nozzle_c: 260.0, bed_c: 110.0, scenario_s: 300.0 },
+            lift_mm: 0.0,
+            limits: Limits { nozzle_c: 280.0, bed_c: 130.0, scenario_s: 300.0 },
         }
     }
 
@@ -107,6 +122,9 @@ impl Rig {
         if !(1.0..=86_400.0).contains(&scenario_s) {
             return Err("limits.scenario_s is outside 1 to 86400".to_owned());
         }
+        if !(10.0..=200.0).contains(&rig.lift_mm) {
+            return Err("lift_mm is outside 10 to 200: the nozzle stays away from the bed".to_owned());
+        }
         if rig.power_off.is_some() != rig.power_on.is_some() {
             return Err("power_off and power_on go together: who cuts power must give it back".to_owned());
         }
@@ -125,38 +143,6 @@ pub enum Sort {
     Real,
 }
 
-/// Why a scenario cannot be played there; `None`: it can.
-pub fn skips(scenario: &Scenario, sort: Sort, rig: &Rig) -> Option<String> {
-    for fault in &scenario.fault {
-        let kind = fault.kind;
-        let why = match (kind.place(), sort) {
-            (Place::Disk, _) => Some("the journal's disk is this computer's own"),
-            (Place::Host, _) if kind == Kind::ChangeFile => {
-                Some("so small a file is read in one piece before the first line goes out")
-            }
-            (Place::Board, Sort::Mock) | (Place::Wire | Place::Host, _) => None,
-            (Place::Board, _) if kind == Kind::PowerCut && rig.power_off.is_some() => None,
-            (Place::Board, _) if kind == Kind::PowerCut => Some("this rig cannot cut the printer's power"),
-            (Place::Board, Sort::Real) if kind == Kind::Reset && rig.dtr_reset => None,
-            (Place::Board, _) if kind == Kind::Reset => Some("this rig cannot reset the board"),
-            (Place::Board, _) => Some("no board does that on demand"),
-        };
-        if let Some(why) = why {
-            return Some(format!("{}: {why}", kind.name()));
-        }
-    }
-    if sort != Sort::Mock && (scenario.printer.personality.is_some() || scenario.printer.profile.is_some()) {
-        return Some("it asks for a firmware of its own".to_owned());
-    }
-    if sort == Sort::Real && scenario.job.corpus.is_some() {
-        return Some("a sliced file is for the printer that it was sliced for".to_owned());
-    }
-    if scenario.printer.window_lines.is_some() {
-        return Some("the profile has the window".to_owned());
-    }
-    None
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -172,37 +158,11 @@ mod tests {
         let head = "title = 't'\nprofile = 'ender-3'\n";
         check(format!("{head}{limits}"), "");
         check(format!("{head}dtr = true\n{limits}"), "unknown field `dtr`");
+        check(format!("{head}lift_mm = 0\n{limits}"), "lift_mm");
         check(format!("{head}power_off = 'x'\n{limits}"), "go together");
         check(format!("{head}{}", limits.replace("230", "900")), "nozzle_c");
         check(format!("{head}{}", limits.replace("900", "0")), "scenario_s");
         let example = HELP.split_once("\n\n").unwrap().1;
         Rig::parse(example).unwrap();
-    }
-
-    #[test]
-    fn what_a_real_board_cannot_do_is_skipped_with_the_reason() {
-        let scenario = |kind: &str, more: &str| {
-            let text = format!(
-                "title = 't'\n[job]\nlines = 9\n[[fault]]\nat_line = 3\ndo = '{kind}'\n{more}\n\
-                 [expect]\noutcome = 'finished'"
-            );
-            Scenario::parse("x", &text).unwrap()
-        };
-        let bare = Rig::mock();
-        let relay =
-            Rig { power_off: Some("a".into()), power_on: Some("b".into()), dtr_reset: true, ..Rig::mock() };
-        let check = |scenario: &Scenario, sort, rig: &Rig, expect: Option<&str>| {
-            let why = skips(scenario, sort, rig);
-            assert_eq!(why.is_some(), expect.is_some(), "{why:?}");
-            assert!(why.unwrap_or_default().contains(expect.unwrap_or_default()));
-        };
-        check(&scenario("lose_line", ""), Sort::Real, &bare, None);
-        check(&scenario("drop_ok", ""), Sort::Mock, &bare, None);
-        check(&scenario("drop_ok", ""), Sort::Real, &relay, Some("no board"));
-        check(&scenario("power_cut", "for_s = 3"), Sort::Real, &relay, None);
-        check(&scenario("power_cut", "for_s = 3"), Sort::Real, &bare, Some("cannot cut"));
-        check(&scenario("reset", ""), Sort::Real, &relay, None);
-        check(&scenario("reset", ""), Sort::Virtual, &relay, Some("cannot reset"));
-        check(&scenario("disk_slow", "for_s = 3"), Sort::Mock, &bare, Some("own"));
     }
 }

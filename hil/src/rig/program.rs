@@ -2,12 +2,12 @@
 //!
 //! Takes what a user would type, gives what a user would see. Its state is read from its
 //! journal, as any other program could.
-use outrigger::job::disk::Store;
+use outrigger::job::journal;
 use outrigger::job::state::State;
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -114,9 +114,11 @@ impl Program {
         self.said.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// The one job in its folder: its number and where it is.
-    pub fn job(&self) -> Option<(String, State)> {
-        job(&self.folder)
+    /// Where the one job of its folder is, as its journal says: read without a lock, so that
+    /// nobody who wants the job finds it taken.
+    pub fn job(&self) -> Option<State> {
+        let bytes = std::fs::read(self.folder.join("jobs/1.journal")).ok()?;
+        Some(journal::read(&bytes).ok()?.log.state)
     }
 }
 
@@ -124,11 +126,4 @@ impl Drop for Program {
     fn drop(&mut self) {
         self.kill();
     }
-}
-
-fn job(folder: &Path) -> Option<(String, State)> {
-    let entries = Store::open(folder).ok()?.list().ok()?;
-    let entry = entries.into_iter().next_back()?;
-    let state = entry.picture.ok()?.log.state;
-    Some((entry.id.to_string(), state))
 }

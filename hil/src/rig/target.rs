@@ -1,7 +1,6 @@
 //! What is printed on: a real port, the mock on its pseudo-terminal, or OctoPrint's virtual printer.
 use super::{Rig, Sort, tty};
 use crate::scenario::{Fault, Kind, Names, Printer};
-use crate::world::link::ns;
 use crate::world::events::of_mock;
 use outrigger::printer::mock::{self, Config, Executed, Faults, Options, Stats};
 use std::io;
@@ -10,12 +9,16 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// How many times faster than life the mechanics of the mock are here: a scenario heats
-/// and homes, and nobody wants to wait for that.
+/// How many times faster than life the mechanics of the mock and of the virtual printer are
+/// here: a scenario heats and homes, and nobody wants to wait for that.
 pub const MOCK_SPEED: f64 = 10.0;
 
 /// Time for the virtual printer's Python to begin.
 const PYTHON_STARTS: Duration = Duration::from_secs(60);
+
+/// Time for a real board to start after its port was opened, which may reset it: boot loaders
+/// take one to two seconds, the firmware's own start as long again.
+const BOARD_STARTS: Duration = Duration::from_secs(5);
 
 /// What is printed on.
 #[derive(Debug)]
@@ -53,7 +56,8 @@ impl Target {
             _ => Config::default(),
         };
         config.speed = printer.speed.unwrap_or(1.0) * MOCK_SPEED;
-        config.dtr_reset |= printer.dtr_reset;
+        // Only the rig has this port open, and it opens it once.
+        config.dtr_reset = false;
         config.record = true;
         let handle = mock::spawn(Options { config, faults: Faults::default(), ..Options::default() })?;
         Ok(Self::Mock(Box::new(handle)))
@@ -69,6 +73,7 @@ impl Target {
             .arg(&octoprint.script)
             .arg("--link")
             .arg(&link)
+            .args(["--speed", &MOCK_SPEED.to_string()])
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
@@ -108,12 +113,13 @@ impl Target {
     /// How many times faster than life its mechanics are.
     pub fn speed(&self) -> f64 {
         match self {
-            Self::Mock(_) => MOCK_SPEED,
-            _ => 1.0,
+            Self::Mock(_) | Self::Virtual { .. } => MOCK_SPEED,
+            Self::Real(_) => 1.0,
         }
     }
 
-    /// Something happens to the board. `number` is the line's that it is to happen to.
+    /// Something happens to the board; `number` is the line's that it is to happen to. What it
+    /// takes to undo it comes later: see [`Target::power`].
     ///
     /// # Errors
     /// The rig's means fail.
@@ -121,20 +127,44 @@ impl Target {
         &self,
         fault: &Fault,
         number: Option<i64>,
-        fd: &OwnedFd,
+        fd: Option<&OwnedFd>,
         baud: u32,
         rig: &Rig,
     ) -> io::Result<()> {
         match self {
             Self::Mock(handle) => handle.inject(of_mock(fault, number)),
-            _ if fault.kind == Kind::PowerCut => {
-                shell(rig.power_off.as_deref())?;
-                std::thread::sleep(Duration::from_nanos(ns(fault.for_s.unwrap_or_default())));
-                shell(rig.power_on.as_deref())?;
-            }
-            _ if fault.kind == Kind::Reset => tty::reset_board(fd, baud)?,
+            _ if fault.kind == Kind::PowerCut => shell(rig.power_off.as_deref())?,
+            _ if fault.kind == Kind::Reset => fd.map_or(Ok(()), |fd| tty::reset_board(fd, baud))?,
             _ => {}
         }
+        Ok(())
+    }
+
+    /// A real printer has power again.
+    ///
+    /// # Errors
+    /// The rig's means fail.
+    pub fn power(&self, rig: &Rig) -> io::Result<()> {
+        match self {
+            Self::Real(_) => shell(rig.power_on.as_deref()),
+            _ => Ok(()),
+        }
+    }
+
+    /// A real board begins each scenario anew: halted ones live again, and what one scenario
+    /// left behind is not the next one's.
+    ///
+    /// # Errors
+    /// The rig's means fail.
+    pub fn prepare(&self, fd: &OwnedFd, baud: u32, rig: &Rig) -> io::Result<()> {
+        if !matches!(self, Self::Real(_)) {
+            return Ok(());
+        }
+        if rig.dtr_reset {
+            tty::reset_board(fd, baud)?;
+        }
+        std::thread::sleep(BOARD_STARTS);
+        tty::drop_unread(fd);
         Ok(())
     }
 
@@ -142,6 +172,16 @@ impl Target {
     pub fn deeds(&self) -> Option<(Vec<Executed>, Vec<u64>, Stats)> {
         match self {
             Self::Mock(handle) => Some((handle.take_executed(), handle.starts_ns(), handle.stats())),
+            _ => None,
+        }
+    }
+}
+
+impl Target {
+    /// The board's own counts, where it can be asked.
+    pub fn stats(&self) -> Option<Stats> {
+        match self {
+            Self::Mock(handle) => Some(handle.stats()),
             _ => None,
         }
     }

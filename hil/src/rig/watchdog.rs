@@ -55,7 +55,7 @@ impl std::fmt::Display for Reason {
             Reason::Died => write!(f, "the runner died"),
             Reason::Hangs => write!(f, "the runner hangs"),
             Reason::Late => write!(f, "the scenario's time is over"),
-            Reason::Hot(is, most) => write!(f, "{is} °C measured, {most} at most are allowed"),
+            Reason::Hot(is, most) => write!(f, "{is} °C measured, {most} °C at most are allowed"),
         }
     }
 }
@@ -99,6 +99,21 @@ impl Leash {
             writeln!(self.input, "beat")?;
         }
         Ok(())
+    }
+
+    /// Nobody knows what the printer does: the watchdog makes it safe now, and is waited for.
+    ///
+    /// # Errors
+    /// It could not: HEATERS MAY BE ON.
+    pub fn act(mut self) -> std::io::Result<()> {
+        drop(self.input);
+        let status = self.child.wait()?;
+        match status.code() == Some(i32::from(ACTED)) {
+            true => Ok(()),
+            false => Err(std::io::Error::other(format!(
+                "the watchdog could not make the printer safe ({status}): HEATERS MAY BE ON"
+            ))),
+        }
     }
 
     /// All is well: it ends.
@@ -147,10 +162,9 @@ pub fn watch(device: &Path, baud: u32, rig: &Rig, runner: u32) -> anyhow::Result
     match done {
         Ok(how) => eprintln!("watchdog: {how}"),
         Err(e) if rig.power_off.is_some() => eprintln!("watchdog: {}: {e}", device.display()),
-        Err(e) => anyhow::bail!(
-            "{}: {e}: HEATERS MAY BE ON, switch the printer off by hand",
-            device.display()
-        ),
+        Err(e) => {
+            anyhow::bail!("{}: {e}: HEATERS MAY BE ON, switch the printer off by hand", device.display())
+        }
     }
     Ok(true)
 }
@@ -209,11 +223,20 @@ fn make_safe(device: &Path, baud: u32, rig: &Rig) -> std::io::Result<&'static st
         how = "the board was reset, which switches heaters off";
         hears(&fd, BOOT, &[b"start"]);
     }
+    switch_off(&fd)?;
+    Ok(how)
+}
+
+/// Tells the printer to switch its heaters off, several times over.
+///
+/// # Errors
+/// The port takes nothing.
+pub fn switch_off(fd: &OwnedFd) -> std::io::Result<()> {
     for _ in 0..OFF_TIMES {
-        put(&fd, OFF)?;
+        put(fd, OFF)?;
         std::thread::sleep(ANSWER / 5);
     }
-    Ok(how)
+    Ok(())
 }
 
 /// A port that has just been left may take a moment.
