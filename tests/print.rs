@@ -92,14 +92,33 @@ fn a_killed_firmware_is_told_in_its_own_words() {
 }
 
 #[test]
-fn a_hung_up_port_is_told() {
+fn a_port_that_comes_back_costs_nothing() {
     let mock =
-        Mock::with_faults(&["--speed", "1000"], "[[fault]]\nat_line = 100\ndo = \"hang_up\"\nfor_s = 60.0\n");
+        Mock::steady(&["--speed", "1000"], "[[fault]]\nat_line = 100\ndo = \"hang_up\"\nfor_s = 2.0\n");
+    let mut print = mock.outrigger();
+    print.arg("print").arg(mock.job(&moves(500))).arg("--port").arg(mock.path("tty"));
+    print.arg("--profile").arg(mock.profile("", "")).arg("--no-macros");
+    let out = output(&mut print);
+    assert_eq!(out.status.code(), Some(0), "{}", text(&out.stderr));
+    let stats = mock.stats();
+    assert_eq!((&stats["executed"], &stats["lines_repeated"]), (&500.into(), &0.into()), "{stats}");
+}
+
+/// The board has lost its state meanwhile: nothing more is printed, and the program ends.
+#[test]
+fn a_port_that_comes_back_reset_ends_the_print() {
+    let mock = Mock::with_faults(
+        &["--speed", "1000"],
+        "[[fault]]\nat_line = 100\ndo = \"hang_up\"\nfor_s = 1.0\nreset = true\n",
+    );
     let out = output(&mut mock.print(&mock.job(&moves(500))));
     assert_eq!(out.status.code(), Some(1));
     let said = text(&out.stderr);
-    assert!(said.contains("connection to the printer is lost"), "{said}");
-    assert!(said.contains("HEATERS MAY BE ON"), "{said}");
+    assert!(said.contains("started anew"), "{said}");
+    assert!(said.contains("outrigger jobs resume"), "{said}");
+    let stats = mock.stats();
+    assert!(stats["executed"].as_u64() < Some(110), "{stats}");
+    assert_eq!(stats["heaters_on"], false);
 }
 
 /// Starts a job that heats and then waits, and sends signals once it is there.

@@ -416,7 +416,7 @@ impl<S: Source> Host<S> {
 
     /// What is wanted of the port.
     pub fn port(&self) -> PortWish {
-        if self.over.is_some() || self.closing {
+        if self.is_over() {
             // The last state is durable before the port goes.
             return if self.book.has_all() { PortWish::Close } else { PortWish::Keep };
         }
@@ -468,6 +468,11 @@ impl<S: Source> Host<S> {
     /// taken up is [`State::Interrupted`], see [`Host::case`].
     pub fn outcome(&self) -> Option<&Outcome> {
         self.over.as_ref()
+    }
+
+    /// Nothing more comes of this host: it has its outcome, or leaves the job as it is.
+    pub fn is_over(&self) -> bool {
+        self.over.is_some() || self.closing
     }
 
     // ---- in between ----

@@ -98,6 +98,9 @@ pub struct Wires<'a, W> {
 pub enum End {
     /// The host came to an end.
     Over(Outcome),
+    /// The host left the job as its state says, and its events said why: the printer has lost
+    /// its state, or the job cannot be taken up.
+    Left,
     /// The user left; the printer is as it was.
     Quit,
 }
@@ -211,10 +214,13 @@ impl<W: Watcher> Run<'_, W> {
 
     /// The end, once it is there and written down, or cannot be.
     fn end<S: Source>(&mut self, host: &Host<S>) -> Option<End> {
-        let outcome = host.outcome()?;
+        if !host.is_over() {
+            return None;
+        }
         let over_at = *self.over_at.get_or_insert_with(Instant::now);
         let kept = host.port() == PortWish::Close && self.book.all_kept();
-        (kept || over_at.elapsed() >= LAST_RECORDS).then(|| End::Over(outcome.clone()))
+        let end = || host.outcome().map_or(End::Left, |outcome| End::Over(outcome.clone()));
+        (kept || over_at.elapsed() >= LAST_RECORDS).then(end)
     }
 
     fn due<S: Source>(&self, host: &Host<S>) -> Instant {

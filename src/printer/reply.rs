@@ -68,6 +68,8 @@ pub struct Ack {
     pub buffer_free: Option<u32>,
     /// The answer to M105.
     pub temperatures: Option<Temperatures>,
+    /// The answer to M114, where it comes on the same line.
+    pub position: Option<Position>,
 }
 
 /// What a busy printer waits for.
@@ -138,6 +140,10 @@ fn ok(line: &[u8]) -> Option<Reply<'_>> {
     let rest = rest.trim_ascii_start();
     let mut ack = Ack::default();
     if rest.is_empty() {
+        return Some(Reply::Ok(ack));
+    }
+    if let Some(Reply::Position(p)) = position(rest) {
+        ack.position = Some(p);
         return Some(Reply::Ok(ack));
     }
     ack.temperatures = temperatures(rest);
@@ -307,7 +313,7 @@ mod tests {
     }
 
     fn ack(line: Option<u32>, planner_free: Option<u32>, buffer_free: Option<u32>) -> Reply<'static> {
-        Reply::Ok(Ack { line, planner_free, buffer_free, temperatures: None })
+        Reply::Ok(Ack { line, planner_free, buffer_free, temperatures: None, position: None })
     }
 
     #[test]
@@ -319,6 +325,11 @@ mod tests {
         check("ok 123", ack(Some(123), None, None));
         check("ok N99999999999 P1 B1", ack(None, Some(1), Some(1)));
         check("ok C: X:0.00 Y:0.00", ack(None, None, None));
+        let Reply::Ok(with_p) = parse(b"ok X:66.0 Y:60.0 Z:0.2 E:1.5 Count: A:6600 B:6000 C:20") else {
+            panic!("no ok");
+        };
+        let p = with_p.position.expect("a position");
+        assert_eq!((p.x_mm, p.y_mm, p.z_mm, p.e_mm), (66.0, 60.0, 0.2, Some(1.5)));
         let Reply::Ok(with_t) = parse(b"ok T:20.5 /0.0 B:21.0 /60.0 @:0 B@:0") else {
             panic!("an ok");
         };

@@ -78,7 +78,8 @@ pub(super) fn make_safe(store: &Store, id: JobId) -> anyhow::Result<Done> {
             End::Over(Outcome::Stopped { safety: Safety::Unknown, .. }) => {
                 bail!("the printer does not confirm; HEATERS MAY BE ON")
             }
-            End::Over(_) => Ok(Done::Safe),
+            // Left: it has lost its state, and its heaters are off.
+            End::Over(_) | End::Left => Ok(Done::Safe),
             End::Quit => bail!("a signal ended it"),
         }
     })

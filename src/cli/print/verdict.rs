@@ -44,6 +44,7 @@ pub(super) fn verdict(
             };
             bail!("{name}: {why}; {}{}", after(*safety), next(id, state))
         }
+        End::Left => bail!("{name}: the job is {}{}", state.words(), next(id, state)),
         End::Quit if state == State::Interrupted => {
             bail!("{name}: nothing was done to the printer{}", next(id, state))
         }

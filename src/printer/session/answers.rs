@@ -160,6 +160,9 @@ impl Session {
         if let Some(t) = ack.temperatures {
             self.tell(Event::Temperatures(t));
         }
+        if let Some(p) = ack.position {
+            self.tell(Event::Position(p));
+        }
         if let Phase::Numbering { then, tries, .. } = self.phase {
             // M110's `ok` is bare; one with temperatures answers an older M105.
             if ack.temperatures.is_none() {
