@@ -29,8 +29,8 @@ fn killed(mock: &Mock, mut command: Command, moves: u64) -> Child {
         assert!(child.try_wait().unwrap().is_none(), "the print has ended");
         mock.now()["moves"].as_u64() > Some(moves)
     });
-    signal("KILL", &child);
-    wait_for(&mut child);
+    child.kill().unwrap();
+    child.wait().unwrap();
     child
 }
 

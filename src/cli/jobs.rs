@@ -65,7 +65,7 @@ enum Verb {
     Forget {
         /// The job's number.
         id: JobId,
-        /// Do not ask. A job that was broken off is forgotten only with this.
+        /// Do not ask. Needed for a job that was broken off, and where nobody can be asked.
         #[arg(long)]
         yes: bool,
     },

@@ -255,6 +255,7 @@ fn body() -> impl Strategy<Value = Vec<String>> {
         8 => bead(),
         2 => (mm(0, 20_000), 60..9000i32).prop_map(|(x, f)| vec![format!("G0 X{x} F{f}")]),
         2 => (mm(0, 20_000), mm(1, 200)).prop_map(|(x, e)| vec![
+            "G21".to_owned(),
             "M83".to_owned(), format!("G1 E-{e} F1800"), "G91".to_owned(), "G1 Z0.4".to_owned(),
             format!("G1 X{x}"), "G1 Z-0.4".to_owned(), "G90".to_owned(), "M83".to_owned(), format!("G1 E{e}"),
         ]),
