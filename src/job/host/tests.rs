@@ -290,6 +290,29 @@ fn a_pause_parks_and_the_way_back_leads_to_the_same_machine() {
 }
 
 #[test]
+fn a_head_that_somebody_has_moved_while_it_was_parked_comes_back_all_the_same() {
+    let lines = file(100);
+    // Also to a place lower than the part: up before across.
+    for by_hand in ["G1 X120 Y90", "G1 X120 Z80", "G1 X0 Y0 Z0.1"] {
+        let mut play = Play::fresh(&lines);
+        play.until_executed(60).want(Request::Pause).until_state(State::Paused);
+        let done = play.host.position().commands as usize;
+        let want = Reference::new(true).after(["G28"]).after(&lines[..done]);
+        play.board.machine.run(by_hand);
+        let before = play.board.executed.len();
+        let mut machine = play.board.machine.clone();
+        play.want(Request::Resume).until_state(State::Printing);
+        assert_eq!(play.board.machine.told(), want.told(), "{by_hand}");
+        for line in play.board.executed[before..].iter().take_while(|line| !lines.contains(line)) {
+            let was = machine.body;
+            machine.run(line);
+            let across = (0..2).any(|axis| machine.body[axis] != was[axis]);
+            assert!(!across || was[2] > want.body[2] - 1e-6, "{line} at {was:?} after {by_hand}");
+        }
+    }
+}
+
+#[test]
 fn a_cancel_ends_in_the_cancel_macro() {
     let lines = file(200);
     for (at, also) in [(1, None), (30, None), (100, Some(Request::Pause))] {
@@ -361,28 +384,36 @@ fn nothing_goes_out_before_what_it_means_is_written_down() {
 fn after_a_dead_host_every_line_is_executed_once() {
     let lines = file(150);
     for killed_at in [1, 2, 7, 40, 120, 150] {
-        let mut first = Play::fresh(&lines);
-        first.until_executed(killed_at);
-        // The last lines arrive; what the board says to them nobody hears.
-        first.round(false);
-        let log = first.log(&lines);
-        let mut board = first.board;
-        board.replies.clear();
-        let mut second = Play::new(&lines, usize::MAX, &Begin::TakeOver { log }, board);
-        second.to_the_end();
-        assert_eq!(
-            second.states.last(),
-            Some(&State::Finished),
-            "killed at {killed_at}: {:?}",
-            second.states
-        );
+        let mut play = Play::fresh(&lines);
+        let mut log = play.log(&lines);
+        // Killed, and the one who takes it up is killed as well.
+        for lines_more in [killed_at, 15] {
+            let before = play.board.executed.len();
+            play.until_executed(before + lines_more);
+            // The last lines arrive; what the board says to them nobody hears.
+            play.round(false);
+            play.records.iter().for_each(|record| log.apply(record));
+            let mut board = play.board;
+            board.replies.clear();
+            if log.state == State::Finished {
+                play = Play { board, ..Play::fresh(&lines) };
+                play.states.push(State::Finished);
+                break;
+            }
+            play = Play::new(&lines, usize::MAX, &Begin::TakeOver { log: log.clone() }, board);
+        }
+        if play.states.is_empty() {
+            play.to_the_end();
+            assert_eq!(play.host.position().commands, lines.len() as u64);
+        }
+        assert_eq!(play.states.last(), Some(&State::Finished), "{killed_at}: {:?}", play.states);
         let ours = ["M400", "M114"];
-        let mut executed = second.board.executed.clone();
+        let mut executed = play.board.executed.clone();
         executed.retain(|line| !ours.contains(&line.as_str()));
         let mut expect: Vec<_> = with_macros(&lines).split("; ").map(str::to_owned).collect();
         expect.retain(|line| !ours.contains(&line.as_str()));
         // A host that died before the file's first line begins with the start macro.
-        if executed.iter().filter(|line| *line == "G28").count() > 1 {
+        while executed.iter().filter(|line| *line == "G28").count() > 1 {
             assert!(killed_at < 2, "the start macro ran again in mid-job");
             executed.remove(0);
         }
@@ -429,6 +460,8 @@ fn after_a_power_cut_nothing_moves_before_a_persons_word() {
     nobody.to_the_end();
     assert_eq!(nobody.states, [State::TakingOver, State::Interrupted]);
     assert_eq!(nobody.executed(), "");
+    // It does not sit on the port until somebody comes.
+    assert_eq!(nobody.host.port(), PortWish::Close);
 
     // With the word: the way back, and then the file from before where it broke off.
     let begin = Begin::AfterReset { log: log.clone(), confirmed: true };
