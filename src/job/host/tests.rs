@@ -201,7 +201,7 @@ impl Play {
         self
     }
 
-    fn to_the_end(&mut self) -> &mut Self {
+    fn play_out(&mut self) -> &mut Self {
         self.until(|_| false)
     }
 
@@ -243,7 +243,7 @@ fn a_plain_job_is_its_start_macro_its_lines_and_its_end_macro() {
     for beads in [0, 1, 50, 700] {
         let lines = file(beads);
         let mut play = Play::fresh(&lines);
-        play.to_the_end();
+        play.play_out();
         assert_eq!(play.states, [State::Starting, State::Printing, State::Ending, State::Finished]);
         let executed = play.executed();
         let plain = executed.replace("; M400", "");
@@ -277,7 +277,7 @@ fn a_pause_parks_and_the_way_back_leads_to_the_same_machine() {
         if done > 5 {
             assert_eq!(play.board.machine.told(), want.told(), "paused after {done}: {whole}");
         }
-        play.to_the_end();
+        play.play_out();
         assert_eq!(play.states.last(), Some(&State::Finished));
         // Every line of the file, in order and once.
         let after = play.executed();
@@ -321,7 +321,7 @@ fn a_cancel_ends_in_the_cancel_macro() {
         if let Some(also) = also {
             play.want(also).until_state(State::Paused);
         }
-        play.want(Request::Cancel).to_the_end();
+        play.want(Request::Cancel).play_out();
         assert_eq!(play.states[play.states.len() - 2..], [State::Cancelling, State::Cancelled]);
         let executed = play.executed();
         assert!(executed.ends_with("M104 S0; M140 S0; G91; G1 Z10; G90"), "{executed}");
@@ -341,7 +341,7 @@ fn a_changed_file_stops_before_the_first_line_that_differs() {
     let lines = file(200);
     for changed_at in [0, 1, 50, 199] {
         let mut play = Play::new(&lines, changed_at, &Begin::Fresh, Board::new());
-        play.to_the_end();
+        play.play_out();
         let executed = play.executed().replace("; M400", "");
         let mut expect = vec!["G28".to_owned()];
         expect.extend_from_slice(&lines[..changed_at]);
@@ -357,13 +357,13 @@ fn nothing_goes_out_before_what_it_means_is_written_down() {
     // The first line waits for the record of its number.
     let mut play = Play::fresh(&lines);
     play.medium = Medium::Stuck;
-    play.to_the_end();
+    play.play_out();
     assert_eq!(play.executed(), "G28");
     // The pause macro waits for the record that numbers mean nothing now.
     let mut play = Play::fresh(&lines);
     play.until_executed(30);
     play.medium = Medium::Stuck;
-    play.want(Request::Pause).to_the_end();
+    play.want(Request::Pause).play_out();
     assert_eq!(play.states.last(), Some(&State::Pausing));
     assert!(!play.executed().contains("E-2"), "{}", play.executed());
     play.medium = Medium::Good;
@@ -373,11 +373,11 @@ fn nothing_goes_out_before_what_it_means_is_written_down() {
     let mut play = Play::fresh(&lines);
     play.until(|play| play.states.last() == Some(&State::Printing) && play.host.ahead().0 > 0);
     play.medium = Medium::Stuck;
-    play.to_the_end();
+    play.play_out();
     let (fed, durable) = play.host.ahead();
     assert_eq!((fed - durable, durable), (MAX_AHEAD, 0));
     play.medium = Medium::Good;
-    assert_eq!(play.to_the_end().states.last(), Some(&State::Finished));
+    assert_eq!(play.play_out().states.last(), Some(&State::Finished));
 }
 
 #[test]
@@ -403,7 +403,7 @@ fn after_a_dead_host_every_line_is_executed_once() {
             play = Play::new(&lines, usize::MAX, &Begin::TakeOver { log: log.clone() }, board);
         }
         if play.states.is_empty() {
-            play.to_the_end();
+            play.play_out();
             assert_eq!(play.host.position().commands, lines.len() as u64);
         }
         assert_eq!(play.states.last(), Some(&State::Finished), "{killed_at}: {:?}", play.states);
@@ -434,7 +434,7 @@ fn a_head_that_is_not_where_the_file_has_it_is_made_safe() {
     board.machine.run("G1 X150");
     let before = board.executed.len();
     let mut second = Play::new(&lines, usize::MAX, &Begin::TakeOver { log }, board);
-    second.to_the_end();
+    second.play_out();
     assert_eq!(second.states, [State::TakingOver, State::Failing, State::Interrupted]);
     let executed = second.board.executed[before..].join("; ");
     assert!(executed.ends_with("M104 S0; M140 S0; G91; G1 Z10; G90"), "{executed}");
@@ -457,7 +457,7 @@ fn after_a_power_cut_nothing_moves_before_a_persons_word() {
         board
     };
     let mut nobody = Play::new(&lines, usize::MAX, &Begin::TakeOver { log: log.clone() }, cold());
-    nobody.to_the_end();
+    nobody.play_out();
     assert_eq!(nobody.states, [State::TakingOver, State::Interrupted]);
     assert_eq!(nobody.executed(), "");
     // It does not sit on the port until somebody comes.
@@ -477,7 +477,7 @@ fn after_a_power_cut_nothing_moves_before_a_persons_word() {
     let want = Reference::new(true).after(["G28"]).after(&lines[..after]);
     assert_eq!(back.executed(), of_steps.join("; "));
     assert_eq!(back.board.machine.told(), want.told());
-    back.to_the_end();
+    back.play_out();
     assert_eq!(back.states.last(), Some(&State::Finished));
     let rest = back.executed();
     let rest = rest.strip_prefix(&of_steps.join("; ")).unwrap().replace("; M400", "");
