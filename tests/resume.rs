@@ -2,10 +2,10 @@
 //! a mock in a process of its own.
 mod common;
 
-use common::printer::{Mock, commands, digest, moves, output, signal, text, wait_for, wait_until};
+use common::printer::{Mock, commands, digest, moves, output, text, wait_until};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output};
+use std::process::{Command, Output};
 
 /// A print on a board that keeps its state when the port is opened.
 fn print(mock: &Mock, job: &Path, profile: &Path) -> Command {
@@ -23,15 +23,14 @@ fn resume(mock: &Mock) -> Command {
 
 /// Prints until the mock has executed `moves` of the moves, then kills the host as a
 /// crash would.
-fn killed(mock: &Mock, mut command: Command, moves: u64) -> Child {
+fn killed(mock: &Mock, mut command: Command, moves: u64) {
     let mut child = command.spawn().unwrap();
     wait_until("some moves", || {
         assert!(child.try_wait().unwrap().is_none(), "the print has ended");
         mock.now()["moves"].as_u64() > Some(moves)
     });
-    signal("KILL", &child);
-    wait_for(&mut child);
-    child
+    child.kill().unwrap();
+    child.wait().unwrap();
 }
 
 fn jobs_file(mock: &Mock, count: u32) -> (PathBuf, String) {

@@ -33,12 +33,13 @@ const DEFAULT_TIMEOUT_S: u64 = 300;
 
 /// Switch a printer's heaters off when the program that printed on it has died
 ///
-/// Waits beside a job (or all jobs) without touching job or printer. When the job's
-/// host is dead and nobody has resumed the job for the profile's orphan_timeout_s, it
-/// runs the profile's cancel macro: heaters and fan off, Z raised. The job can still be
-/// resumed then. `outrigger print` starts one by itself; it outlives a killed print,
-/// but not the end of a systemd unit that both belong to: there, run `outrigger guard
-/// --all --stay` as a unit of its own.
+/// Waits beside a job (or all jobs) without touching job or printer. When the program that
+/// printed the job is dead and nobody has resumed the job for the profile's
+/// orphan_timeout_s, it runs the profile's cancel macro: heaters and fan off, Z raised. The
+/// job can still be resumed then. `outrigger print` and `outrigger jobs resume` each start
+/// one by themselves. It outlives a killed print, but not the end of a systemd unit that
+/// both belong to: there, run `outrigger guard --all --stay` as a unit of its own
+/// (contrib/outrigger-guard.service).
 #[derive(clap::Args)]
 #[command(group(clap::ArgGroup::new("which").required(true)))]
 pub(super) struct Args {
@@ -51,14 +52,14 @@ pub(super) struct Args {
     /// With --all: never end; guard jobs that begin later, too.
     #[arg(long, requires = "all")]
     stay: bool,
-    /// Wait so long for somebody to resume; the profile's time if not given.
+    /// Wait so many seconds for somebody to resume; the profile's time if not given.
     #[arg(long, value_name = "S")]
     timeout: Option<u64>,
     /// Return at once and go on in the background, in a session of its own.
     #[arg(long)]
     detach: bool,
-    /// The folder of the jobs' records; by itself $OUTRIGGER_STATE, $STATE_DIRECTORY or
-    /// ~/.local/state/outrigger.
+    /// The folder of the jobs' records; by itself $OUTRIGGER_STATE, else $STATE_DIRECTORY
+    /// (systemd), else $XDG_STATE_HOME/outrigger, else ~/.local/state/outrigger.
     #[arg(long, value_name = "DIR")]
     state: Option<PathBuf>,
 }

@@ -13,7 +13,7 @@ use clap::{Args as ClapArgs, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Jobs that were accepted: list them, look at one, forget one.
+/// Jobs that were accepted: list them, look at one, go on with one, forget one.
 ///
 /// Every job is written down when it is accepted, and how far it is while it is
 /// printed, so that neither a crash nor a power cut loses it.
@@ -30,13 +30,13 @@ pub(super) struct Args {
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Lists all jobs.
+    /// List all jobs.
     List {
         /// Write JSON: `jobs`, each as `jobs show --json` writes it.
         #[arg(long)]
         json: bool,
     },
-    /// Tells all that is known of a job, and what can be done with it.
+    /// Tell all that is known of a job, and what can be done with it.
     ///
     /// As JSON a job has the fields: `id`; `live` (an outrigger holds it now); `error` (its
     /// records cannot be read: nothing else is known) or: `state` (a word of
@@ -54,17 +54,18 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
-    /// Goes on with a job that was broken off.
+    /// Go on with a job that was broken off.
     ///
-    /// A printer that kept its state goes on in the middle of the layer, every line once. One
-    /// that was reset or lost its power is told where its nozzle stands, after a person has
-    /// said that part and nozzle are clear; what will be done is shown before.
+    /// The printer is asked where it is. One that kept its state goes on in the middle of the
+    /// layer, every line once. For one that was reset or lost its power the way back is
+    /// shown first, step by step, and nothing moves before a person has said that part and
+    /// nozzle are clear. Some jobs cannot go on after that: why is told, and the job stays.
     Resume(resume::Args),
-    /// Forgets a job for ever: its records, not its file.
+    /// Forget a job for ever: its records, not its file.
     Forget {
         /// The job's number.
         id: JobId,
-        /// Do not ask. A job that was broken off is forgotten only with this.
+        /// Do not ask. Needed for a job that was broken off, and where nobody can be asked.
         #[arg(long)]
         yes: bool,
     },

@@ -48,9 +48,10 @@ const DEFAULT_PROFILE: &str = "generic-marlin";
 /// Print a file: stream it to a printer and watch it.
 ///
 /// The file is checked first: nothing is sent if a line is too long for the
-/// firmware. Ctrl-C cancels the job, waits for what the printer has, and sends
-/// the profile's cancel macro (heaters off); a second Ctrl-C quits at once and
-/// leaves the printer as it is.
+/// firmware. In a terminal the keys are: p pause, r resume, 0-9 answer the printer's
+/// question, c cancel, ! emergency stop. Ctrl-C cancels the job too: it waits for what the
+/// printer has, and sends the profile's cancel macro (heaters off); a second Ctrl-C quits at
+/// once and leaves the printer as it is. A job that was broken off is in `outrigger jobs list`.
 #[derive(clap::Args)]
 pub(super) struct Args {
     /// The G-code file, text or binary (.bgcode).
@@ -72,19 +73,19 @@ pub(super) struct Args {
     /// With `--port mock`: how many times faster than life it is.
     #[arg(long, value_name = "K", default_value_t = 10.0, value_parser = super::mock::speed)]
     mock_speed: f64,
-    /// The folder of the jobs' records; by itself $OUTRIGGER_STATE, $STATE_DIRECTORY or
-    /// ~/.local/state/outrigger.
+    /// The folder of the jobs' records; by itself $OUTRIGGER_STATE, else $STATE_DIRECTORY
+    /// (systemd), else $XDG_STATE_HOME/outrigger, else ~/.local/state/outrigger.
     #[arg(long, value_name = "DIR")]
     state: Option<PathBuf>,
-    /// Nothing of an earlier job is on the bed: that job is given up.
+    /// Nothing of an earlier job that was broken off here is on the bed: that job is given up.
     #[arg(long)]
     part_removed: bool,
     /// Start no guardian, which switches the printer's heaters off if this process dies
     /// and nobody resumes the job (see `outrigger guard`).
     #[arg(long)]
     no_guard: bool,
-    /// Read requests from standard input, a line each: pause, resume, cancel, stop,
-    /// answer N, send GCODE.
+    /// Read requests from standard input, a line each: pause, resume, confirm, cancel, stop
+    /// (emergency), answer N, send GCODE.
     #[arg(long)]
     commands: bool,
     /// Show every note of the printer, resend and probe.

@@ -21,6 +21,8 @@ pub mod host;
 pub mod journal;
 pub mod record;
 pub mod recover;
+#[cfg(test)]
+mod reference;
 pub mod run;
 pub mod scribe;
 pub mod state;
