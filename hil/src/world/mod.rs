@@ -289,10 +289,10 @@ impl World {
                 host.durable(records, now_ms);
             }
             // As the program does: a disk that refuses pauses the job.
-            (Some(Synced::Refused), Some(host)) => {
-                if !std::mem::replace(&mut self.life.unkept, true) && host.outcome().is_none() {
-                    host.request(Request::Pause, now_ms);
-                }
+            (Some(Synced::Refused), Some(host))
+                if !std::mem::replace(&mut self.life.unkept, true) && !host.is_over() =>
+            {
+                host.request(Request::Pause, now_ms);
             }
             _ => {}
         }

@@ -88,13 +88,13 @@ impl<S: Source> Host<S> {
             Doing::Connecting => {
                 let lines = self.settings.start_macro.clone();
                 match lines.is_empty() {
-                    true => self.to_file(Happening::Ready),
+                    true => self.lead_to_file(Happening::Ready),
                     false => self.run(lines, Doing::StartMacro, now_ms),
                 }
             }
             Doing::Holding if self.state == State::Pausing => self.unnumber(Then::Park),
             // The printer has asked a person in between, and has its answer.
-            Doing::Holding => self.to_file(Happening::Answered),
+            Doing::Holding => self.lead_to_file(Happening::Answered),
             Doing::HoldingEnd => self.unnumber(Then::EndMacro),
             Doing::Rejoining => self.run(vec!["M114".to_owned()], Doing::Verifying, now_ms),
             Doing::Reconnecting => self.way_back(0),
@@ -112,7 +112,7 @@ impl<S: Source> Host<S> {
             self.tracker.apply(line.as_bytes());
         }
         match self.doing {
-            Doing::StartMacro => self.to_file(Happening::Ready),
+            Doing::StartMacro => self.lead_to_file(Happening::Ready),
             Doing::Parking => self.parked_now(now_ms),
             Doing::Cooling => self.cooled(now_ms),
             Doing::Asking => self.unpark(now_ms),
@@ -136,7 +136,7 @@ impl<S: Source> Host<S> {
     }
 
     /// The file's next line may go once it is written down which number it gets.
-    pub(super) fn to_file(&mut self, happening: Happening) {
+    pub(super) fn lead_to_file(&mut self, happening: Happening) {
         self.note(0);
         self.book.push(Record::Numbers { first: self.session.next_number(), after: self.acked.commands });
         self.numbered = true;

@@ -151,7 +151,7 @@ impl<S: Source> Host<S> {
             // The way back has set what differed; what it did not, a person has.
             self.tracker.dials = dials;
         }
-        self.to_file(Happening::Restored);
+        self.lead_to_file(Happening::Restored);
     }
 
     /// A person's command beside the job.

@@ -369,7 +369,7 @@ impl<S: Source> Host<S> {
             return self.not_known(now_ms);
         }
         self.tracker.resolve(report);
-        self.to_file(Happening::TakenOver);
+        self.lead_to_file(Happening::TakenOver);
     }
 
     /// The answer is overdue.
@@ -518,6 +518,6 @@ impl<S: Source> Host<S> {
         };
         self.tracker = place.tracker;
         self.again = place.between;
-        self.to_file(Happening::Restored);
+        self.lead_to_file(Happening::Restored);
     }
 }

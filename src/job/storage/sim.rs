@@ -268,10 +268,7 @@ impl Storage for SimDisk {
             let old = disk.durable.replace(bytes.to_vec());
             // An earlier replacement may be undone as well: the oldest file that may
             // come back is kept.
-            disk.uncertain = match trouble {
-                None => None,
-                Some(_) => Some(disk.uncertain.take().unwrap_or(old)),
-            };
+            disk.uncertain = trouble.map(|_| disk.uncertain.take().unwrap_or(old));
         }
         outcome(trouble)
     }

@@ -150,10 +150,10 @@ impl Motion {
 
     /// Moves that were planned were dropped: by so much it is not where it would be.
     pub(crate) fn stopped_short(&mut self, left_mm: Axes) {
-        for axis in 0..3 {
-            self.at_mm[axis] -= left_mm[axis];
+        let [x, y, z, e] = left_mm;
+        for (at_mm, left_mm) in self.at_mm.iter_mut().zip([x, y, z, e / self.flow_factor]) {
+            *at_mm -= left_mm;
         }
-        self.at_mm[3] -= left_mm[3] / self.flow_factor;
     }
 
     /// G0 to G3: the path to the new position, which holds from now on.
