@@ -145,6 +145,12 @@ pub enum Refusal {
     /// It broke off while the nozzle was being moved up or down by us.
     #[error("how high the nozzle stands is not known: it was being moved when it broke off")]
     HeightNotKnown,
+    /// `G92 Z` is in force: heights in the file are not the printer's.
+    #[error("the file shifts its heights (G92 Z), so the nozzle's cannot be told to the printer")]
+    HeightShifted,
+    /// The medium has lost some of what was written down.
+    #[error("records were lost from its journal, so it may be further than what is left of them says")]
+    RecordsLost,
     /// Too many commands without a move for what is kept of them.
     #[error("the file has too many commands without a move where it broke off")]
     TooManyCommands,
@@ -216,6 +222,9 @@ fn not_known(log: &Log, uncertain: String) -> Case {
 }
 
 fn after_reset(log: &Log, rules: &ResumeRules) -> Case {
+    if log.damaged {
+        return Case::Refused(Refusal::RecordsLost);
+    }
     if !rules.homes_xy_alone {
         return Case::Refused(Refusal::HomingMovesZ);
     }

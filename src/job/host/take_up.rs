@@ -394,10 +394,14 @@ impl<S: Source> Host<S> {
         let Some(taken) = &mut self.taken else {
             return;
         };
+        let shifted = walk.shifts_z();
         let place = match walk.place() {
             Ok(place) => place,
             Err(refusal) => return self.refuse_resume(refusal),
         };
+        if shifted || place.tracker.at_mm(2) != place.tracker.at_native_mm(2) {
+            return self.refuse_resume(Refusal::HeightShifted);
+        }
         let Some(z_mm) = height_mm(&taken.log, &place, &self.settings.pause_macro) else {
             return self.refuse_resume(Refusal::HeightNotKnown);
         };

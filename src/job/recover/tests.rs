@@ -73,6 +73,7 @@ fn the_cases_are_told_apart() {
     check(&printing, counting(511 + MAX_AHEAD as u32), "NotKnown");
     check(&printing, Found::NotSaid, "NotKnown");
     check(&damaged, counting(600), "NotKnown");
+    check(&damaged, Found::Started, "Refused(RecordsLost)");
     check(&parked, counting(777), &died(500, true));
     check(&log(Ending, (None, COMMANDS), COMMANDS), counting(7), &died(COMMANDS, false));
     check(&log(Ending, (None, 500), 500), counting(7), &died(500, false));

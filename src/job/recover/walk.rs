@@ -117,6 +117,11 @@ impl Walk {
         &self.lead
     }
 
+    /// Whether the file's heights are not the printer's where it stands (`G92 Z`).
+    pub fn shifts_z(&self) -> bool {
+        self.lead.at_mm(2) != self.lead.at_native_mm(2)
+    }
+
     /// The place exactly where the walk has ended.
     pub fn exact(self) -> Walked {
         Walked {
