@@ -47,10 +47,25 @@ pub(crate) fn stream(
     stop_after: Option<Duration>,
 ) -> anyhow::Result<Run> {
     // A folder for each run: nobody finds what the one before has left.
+    let records = tempfile::tempdir()?;
+    stream_again(programs, host, job, printer, stop_after, records.path())
+}
+
+/// The same with the records of runs before in `records`, which a host may know the job from.
+///
+/// # Errors
+/// As [`stream`].
+pub(crate) fn stream_again(
+    programs: &Programs,
+    host: Host,
+    job: &Job,
+    printer: Printer,
+    stop_after: Option<Duration>,
+    records: &Path,
+) -> anyhow::Result<Run> {
     let folder = tempfile::tempdir()?;
     let (mock, mock_started) = start_mock(programs, printer, folder.path())?;
-    let mut command =
-        programs.command(host, &job.path, &folder.path().join("tty"), printer.baud, folder.path());
+    let mut command = programs.command(host, &job.path, &folder.path().join("tty"), printer.baud, records);
     let ran = process::run(&mut command, &folder.path().join("log"), stop_after);
     let stats = end_mock(mock, folder.path())?;
     let (started, cost) = ran?;
