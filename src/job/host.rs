@@ -257,6 +257,8 @@ pub struct Host<S> {
     /// The last checkpoint written: commands and time, and height of beads then.
     noted: (u64, u64, f64),
     bead_mm: f64,
+    /// Moves that the printer may hold, as the profile says or as it has told.
+    depth: u32,
     /// Our own lines that run, and the first and last place reported while they do.
     own: Vec<String>,
     reports: [Option<Position>; 2],
@@ -286,6 +288,7 @@ impl<S: Source> Host<S> {
         };
         let mut host = Self {
             tracker: Tracker::new(settings.e_modes),
+            depth: settings.resume.held_moves(),
             settings,
             session,
             source,

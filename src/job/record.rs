@@ -115,6 +115,9 @@ pub enum Record {
         /// Height, mm.
         z_mm: Option<f64>,
     },
+    /// The printer has told that it may hold so many moves that it has accepted and not
+    /// made: more than its profile says.
+    Depth(u32),
     /// What a person should know when looking at the job: a failure's words.
     Note(String),
 }
@@ -136,6 +139,8 @@ pub struct Log {
     pub checkpoint: Checkpoint,
     /// The last safe sequence, if nothing moved since.
     pub made_safe: Option<Option<f64>>,
+    /// The most moves that the printer has told it may hold; 0: it told nothing.
+    pub depth: u32,
     /// The last note.
     pub note: Option<String>,
     /// The journal was damaged in its middle: records after the damage are lost, and
@@ -235,6 +240,7 @@ impl Log {
             numbers: Numbers::Nothing { after: 0 },
             checkpoint: Checkpoint::default(),
             made_safe: None,
+            depth: 0,
             note: None,
             damaged: false,
         }
@@ -271,6 +277,7 @@ impl Log {
                 self.numbers.settle(checkpoint.commands);
             }
             Record::MadeSafe { z_mm } => self.made_safe = Some(*z_mm),
+            Record::Depth(moves) => self.depth = self.depth.max(*moves),
             Record::Note(text) => self.note = Some(kept(text).to_owned()),
         }
     }

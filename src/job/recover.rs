@@ -77,7 +77,18 @@ pub const CLEAN_BACK_MOVES: u32 = 16;
 impl ResumeRules {
     /// Moves before the last acknowledged command that may not have been made.
     pub fn depth(&self) -> u32 {
-        self.planner_moves.saturating_add(self.queue_commands).saturating_add(UNPROVED_OKS)
+        self.held_moves().saturating_add(UNPROVED_OKS)
+    }
+
+    /// Moves that the firmware may have accepted and not made.
+    pub fn held_moves(&self) -> u32 {
+        self.planner_moves.saturating_add(self.queue_commands)
+    }
+
+    /// Reckons with a printer that has told that it may hold so many moves: what it
+    /// tells counts where the profile says less.
+    pub fn allow_for(&mut self, moves: u32) {
+        self.planner_moves = self.planner_moves.max(moves.saturating_sub(self.queue_commands));
     }
 
     /// Moves that are made twice at most by a resume after a loss of state.

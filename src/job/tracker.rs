@@ -370,11 +370,13 @@ fn index(value: f64) -> usize {
     if (0.0..1000.0).contains(&value) { value as usize } else { usize::MAX }
 }
 
-/// Command and letters, without values: `M205 X8 Y8` → `M205 X Y`. T is kept with its value.
+/// Command and letters, without values: `M205 X8 Y8` → `M205 X Y`. A T that names a tool
+/// is kept with its value; that of `M204` is the acceleration of travels.
 fn kind_of_setting(command: &[u8]) -> Vec<u8> {
     let mut kind = Vec::with_capacity(16);
+    let names_tools = !command.trim_ascii_start().to_ascii_uppercase().starts_with(b"M204");
     for (at, word) in command.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()).enumerate() {
-        let whole = at == 0 || word[0] == b'T';
+        let whole = at == 0 || names_tools && word[0].eq_ignore_ascii_case(&b'T');
         let key = word.iter().position(|b| *b == b'=').unwrap_or(1);
         kind.extend_from_slice(if whole { word } else { &word[..key] });
         kind.push(b' ');

@@ -262,6 +262,12 @@ impl Session {
         }
     }
 
+    /// Moves that the printer has told it may hold, accepted and not made (ADVANCED_OK's P
+    /// and B); 0: it does not tell.
+    pub fn depth(&self) -> u32 {
+        self.growth.depth()
+    }
+
     /// Whether [`Session::feed`] would take a line.
     pub fn wants_line(&self) -> bool {
         self.phase == Phase::Job && self.feed == Feed::Open && !self.pending.full

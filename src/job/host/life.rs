@@ -227,6 +227,10 @@ impl<S: Source> Host<S> {
 
     /// A checkpoint, when it is due.
     fn note_progress(&mut self, now_ms: u64) {
+        if self.session.depth() > self.depth {
+            self.depth = self.session.depth();
+            self.book.push(Record::Depth(self.depth));
+        }
         let (commands, at_ms, bead_mm) = self.noted;
         let more = self.acked.commands - commands.min(self.acked.commands);
         let passed_ms = now_ms.saturating_sub(at_ms);

@@ -116,6 +116,8 @@ impl<S: Source> Host<S> {
         let Some(taken) = &mut self.taken else {
             return;
         };
+        self.settings.resume.allow_for(taken.log.depth);
+        self.depth = self.settings.resume.held_moves();
         let found_case = case(&taken.log, found, &self.settings.resume);
         if let Found::Counting { last } = found {
             taken.last = last;

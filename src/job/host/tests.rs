@@ -37,13 +37,21 @@ struct Board {
     machine: Reference,
     last: u32,
     replies: String,
+    /// What each `ok` tells of its buffers.
+    buffers: &'static str,
     /// All that was executed, but for what a host sends to see whether it lives.
     executed: Vec<String>,
 }
 
 impl Board {
     fn new() -> Self {
-        Self { machine: Reference::new(true), last: 0, replies: String::new(), executed: Vec::new() }
+        Self {
+            machine: Reference::new(true),
+            last: 0,
+            replies: String::new(),
+            buffers: "",
+            executed: Vec::new(),
+        }
     }
 
     fn line(&mut self, line: &str) {
@@ -84,8 +92,8 @@ impl Board {
             self.executed.push(command.to_owned());
         }
         match answer.strip_prefix(' ') {
-            Some(with) => self.say(&format!("ok {with}")),
-            None => self.say(&format!("{answer}ok")),
+            Some(with) => self.say(&format!("ok{} {with}", self.buffers)),
+            None => self.say(&format!("{answer}ok{}", self.buffers)),
         }
     }
 
@@ -482,4 +490,31 @@ fn after_a_power_cut_nothing_moves_before_a_persons_word() {
     let rest = back.executed();
     let rest = rest.strip_prefix(&of_steps.join("; ")).unwrap().replace("; M400", "");
     assert_eq!(rest, format!("; {}; M104 S0; M140 S0; G28 X", lines[after..].join("; ")));
+}
+
+/// A board with more room than its profile says tells so: after a loss of its state the job
+/// goes on before all that it may have held.
+#[test]
+fn a_resume_reckons_with_the_buffers_that_the_printer_tells() {
+    let check = |buffers: &'static str, expect: u32| {
+        let lines = file(1_500);
+        let mut first = Play::new(&lines, usize::MAX, &Begin::Fresh, Board { buffers, ..Board::new() });
+        first.until_executed(1_200);
+        first.round(false);
+        let log = first.log(&lines);
+        let mut cold = Board::new();
+        cold.machine.body[2] = first.board.machine.body[2];
+        let known = log.checkpoint.commands;
+        let begin = Begin::AfterReset { log, confirmed: true };
+        let mut back = Play::new(&lines, usize::MAX, &begin, cold);
+        back.until_state(State::Printing);
+        let plan = back.host.plan().unwrap();
+        assert!(plan.after + u64::from(expect) <= known, "{buffers}: {} of {known}", plan.after);
+        assert!(known - plan.after <= plan.most_twice, "{buffers}: {} of {known}", plan.after);
+        let twice = MAX_AHEAD + u64::from(expect) + u64::from(crate::job::recover::CLEAN_BACK_MOVES);
+        assert_eq!(plan.most_twice, twice, "{buffers}");
+    };
+    check("", 16 + 4 + 2);
+    check(" P15 B3", 16 + 4 + 2);
+    check(" P63 B7", 64 + 8 + 2);
 }

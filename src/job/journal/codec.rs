@@ -23,6 +23,7 @@ mod kind {
     pub(super) const CHECKPOINT: u8 = 7;
     pub(super) const MADE_SAFE: u8 = 8;
     pub(super) const NOTE: u8 = 9;
+    pub(super) const DEPTH: u8 = 10;
 }
 
 /// A state's number on the medium: never given to another state.
@@ -200,6 +201,10 @@ pub(super) fn encode(record: &Record, payload: &mut Vec<u8>) {
             out.u8(kind::MADE_SAFE);
             out.height(*z_mm);
         }
+        Record::Depth(moves) => {
+            out.u8(kind::DEPTH);
+            out.u32(*moves);
+        }
         Record::Note(text) => {
             out.u8(kind::NOTE);
             out.text(text);
@@ -227,6 +232,7 @@ pub(super) fn encode_picture(log: &Log) -> Vec<u8> {
     if let Some(z_mm) = log.made_safe {
         out.height(z_mm);
     }
+    out.u32(log.depth);
     out.u8(u8::from(log.note.is_some()));
     if let Some(note) = &log.note {
         out.text(note);
@@ -262,6 +268,7 @@ fn record(kind: u8, input: &mut In) -> Option<Record> {
         kind::UNNUMBERED => Record::Unnumbered { after: input.u64()? },
         kind::CHECKPOINT => Record::Checkpoint(checkpoint(input)?),
         kind::MADE_SAFE => Record::MadeSafe { z_mm: input.height()? },
+        kind::DEPTH => Record::Depth(input.u32()?),
         kind::NOTE => Record::Note(input.text()?),
         _ => return None,
     })
@@ -279,6 +286,7 @@ fn picture(input: &mut In) -> Option<Log> {
     if input.flag()? {
         log.made_safe = Some(input.height()?);
     }
+    log.depth = input.u32()?;
     if input.flag()? {
         log.note = Some(input.text()?);
     }

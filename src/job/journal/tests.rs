@@ -319,6 +319,7 @@ fn record() -> impl Strategy<Value = Record> {
             })
         ),
         any::<Option<i32>>().prop_map(|z| Record::MadeSafe { z_mm: z.map(f64::from) }),
+        any::<u32>().prop_map(Record::Depth),
         ".{0,40}".prop_map(Record::Note),
     ]
 }

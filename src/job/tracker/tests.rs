@@ -84,6 +84,10 @@ fn settings_are_kept_the_latest_of_each_kind() {
     check("M205 X8 Y8; M900 K0.1; M205 X9 Y9; G1 X1; M104 S200", &["M900 K0.1", "M205 X9 Y9"]);
     check("M204 P500; M204 S800", &["M204 P500", "M204 S800"]);
     check(
+        "M204 P500 T1500; M204 P800 T900; M900 T0 K0.1; M900 T1 K0.2",
+        &["M204 P800 T900", "M900 T0 K0.1", "M900 T1 K0.2"],
+    );
+    check(
         "SET_PRESSURE_ADVANCE ADVANCE=0.1; SET_PRESSURE_ADVANCE ADVANCE=0.2",
         &["SET_PRESSURE_ADVANCE ADVANCE=0.2"],
     );

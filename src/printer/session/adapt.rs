@@ -31,6 +31,9 @@ const STARVED_OKS: u32 = 48;
 /// A planner of fewer blocks tells too little.
 const MIN_PLANNER: u32 = 8;
 
+/// No planner and no queue has more free places than this.
+const MOST_FREE: u32 = 256;
+
 /// What is known of the printer's buffers, and how far the window has grown.
 #[derive(Debug)]
 pub(super) struct Growth {
@@ -38,6 +41,9 @@ pub(super) struct Growth {
     base: Option<usize>,
     most_planner: u32,
     most_slots: u32,
+    /// The most free blocks and slots that two `ok`s have told: noise seldom says the
+    /// same twice.
+    seen_twice: [u32; 2],
     /// The last `ok` was that of a printer that starves.
     starves: bool,
     starved_oks: u32,
@@ -55,6 +61,7 @@ impl Growth {
             base,
             most_planner: 0,
             most_slots: 0,
+            seen_twice: [0; 2],
             starves: false,
             starved_oks: 0,
             steps: 0,
@@ -68,8 +75,12 @@ impl Growth {
             return;
         };
         // Noise in a number must not become the measure: no planner has more.
-        self.most_planner = self.most_planner.max(planner.min(256));
-        self.most_slots = self.most_slots.max(slots.min(256));
+        let told = [planner.min(MOST_FREE), slots.min(MOST_FREE)];
+        let most = [&mut self.most_planner, &mut self.most_slots];
+        for ((twice, most), told) in self.seen_twice.iter_mut().zip(most).zip(told) {
+            *twice = (*twice).max(told.min(*most));
+            *most = (*most).max(told);
+        }
         self.starves = self.most_planner >= MIN_PLANNER
             && planner.saturating_mul(4) >= self.most_planner * 3
             && slots >= self.most_slots;
@@ -81,6 +92,16 @@ impl Growth {
                 self.steps += 1;
                 self.starved_oks = 0;
             }
+        }
+    }
+
+    /// Moves that the printer may have accepted and not made: the blocks of its planner
+    /// and the slots of its queue; 0: it does not tell. Marlin keeps one block free, and
+    /// the command that is answered is still in its slot.
+    pub(super) fn depth(&self) -> u32 {
+        match self.seen_twice {
+            [0, _] => 0,
+            [planner, slots] => planner + 1 + slots + 1,
         }
     }
 
@@ -157,5 +178,20 @@ mod tests {
         let mut growth = Growth::new(Limit::Lines(1));
         (0..1000).for_each(|_| growth.on_ok(&ok(15, 3), true));
         assert_eq!(growth.extra_bytes(), 0, "lines are counted");
+    }
+
+    #[test]
+    fn the_depth_of_the_buffers_is_learned() {
+        let check = |oks: &[(u32, u32)], expect: u32| {
+            let mut growth = Growth::new(Limit::Lines(1));
+            oks.iter().for_each(|(planner, slots)| growth.on_ok(&ok(*planner, *slots), false));
+            assert_eq!(growth.depth(), expect, "{oks:?}");
+        };
+        check(&[], 0);
+        check(&[(15, 3)], 0);
+        check(&[(15, 3), (15, 3)], 20);
+        check(&[(63, 7), (40, 2), (63, 7), (0, 0)], 72);
+        check(&[(15, 3), (150, 3), (15, 3)], 20);
+        check(&[(999, 999), (999, 999)], 514);
     }
 }
