@@ -1,0 +1,170 @@
+//! Supports of many models by three methods: tips, material, time, what cannot be held.
+//!
+//! `cargo run --release --example support_table -- DIR [WORDS]`: every STL of DIR whose name
+//! holds one of the words, as a filament print (0.2 mm layers) and as a resin print (0.05 mm).
+//!
+//! By *straight* (the fewest tips, a column each), *baseline* (tips at a fixed distance,
+//! trees as in "Clever Support"; what paper 000 measures itself against) and *ours*. The
+//! material is the volume of the printed layers: the area of each section times its height.
+//! `far` is the distance from overhanging places to their nearest tip and `area` what a tip
+//! carries, both at the 95th percentile by area.
+use outrigger::detect::overhang::SelfSupport;
+use outrigger::layers::from_mesh::{FromMesh, LayerHeights};
+use outrigger::layers::shape::{Bounds, Point};
+use outrigger::mesh::{self, place};
+use outrigger::support::cut::Cuts;
+use outrigger::support::look::{Look, look};
+use outrigger::support::plan::{Branching, Placing, Plan, plan};
+use outrigger::support::rules::{Process, Rules};
+use outrigger::support::section::Sections;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+fn main() {
+    let mut args = std::env::args().skip(1);
+    let Some(dir) = args.next() else {
+        eprintln!("usage: support_table DIR [WORDS]");
+        return;
+    };
+    let words: Vec<String> = args.collect();
+    let mut files: Vec<PathBuf> = std::fs::read_dir(&dir)
+        .expect("the folder of models")
+        .filter_map(|e| Some(e.ok()?.path()))
+        .filter(|p| p.extension().is_some_and(|e| e == "stl"))
+        .filter(|p| {
+            let name = p.file_name().unwrap_or_default().to_string_lossy();
+            words.is_empty() || words.iter().any(|w| name.contains(w.as_str()))
+        })
+        .collect();
+    files.sort();
+    println!(
+        "| model | print | method | tips | at least | junctions | plate | model | length mm | volume mm³ | far mm | area mm² | unheld | s |"
+    );
+    println!("|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
+    let mut sums = Sums::default();
+    for file in &files {
+        for process in [Process::Filament, Process::Resin] {
+            if let Err(error) = rows(file, process, &mut sums) {
+                println!("| {} | {process:?} | {error} |", file.display());
+            }
+        }
+    }
+    sums.print();
+}
+
+#[derive(Default)]
+struct Sums {
+    /// By process and method: tips, volume of models that all methods hold alike.
+    tips: [[f64; 3]; 2],
+    volume: [[f64; 3]; 2],
+    ratios: [Vec<f64>; 2],
+}
+
+impl Sums {
+    fn print(&self) {
+        for (k, name) in ["filament", "resin"].iter().enumerate() {
+            let (tips, volume) = (self.tips[k], self.volume[k]);
+            let mut ratios = self.ratios[k].clone();
+            ratios.sort_by(f64::total_cmp);
+            let middle = ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN);
+            println!(
+                "\n{name}: tips {:.0} / {:.0} / {:.0}, volume {:.0} / {:.0} / {:.0} mm³ (straight / baseline / ours): ours {:.1} % less than the baseline in all, {:.1} % by the median model",
+                tips[0], tips[1], tips[2], volume[0], volume[1], volume[2],
+                100.0 * (1.0 - volume[2] / volume[1]), 100.0 * (1.0 - middle)
+            );
+        }
+    }
+}
+
+fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
+    let (layer_mm, own) = match process {
+        Process::Filament => (0.2, SelfSupport { angle_deg: 45.0, bridge_mm: 10.0, min_area_mm2: 0.16 }),
+        Process::Resin => (0.05, SelfSupport { angle_deg: 55.0, bridge_mm: 2.0, min_area_mm2: 0.01 }),
+    };
+    let bytes = std::fs::read(file).map_err(|e| e.to_string())?;
+    let began = Instant::now();
+    let (mut mesh, _) = mesh::read(&mut Cursor::new(bytes)).map_err(|e| e.to_string())?;
+    place::place(&mut mesh, &place::Placing::default()).map_err(|e| e.to_string())?;
+    let [min, max] = mesh.bounds_mm();
+    let bounds = Bounds { min: Point::from_mm(min[0], min[1]), max: Point::from_mm(max[0], max[1]) };
+    let rules = Rules::usual(process, layer_mm);
+    let mut layers = FromMesh::new(&mesh, LayerHeights::even(layer_mm)).map_err(|e| e.to_string())?;
+    let seen =
+        look(&mut layers, bounds, max[2], own, rules.spacing_mm, &mut ()).map_err(|e| e.to_string())?;
+    let looked = began.elapsed().as_secs_f64();
+    let ways = [
+        ("straight", Placing::Cover, Branching::Straight),
+        ("baseline", Placing::Fixed, Branching::Vanek),
+        ("ours", Placing::Cover, Branching::Tree),
+    ];
+    let k = usize::from(process == Process::Resin);
+    let mut volumes = [0.0; 3];
+    for (m, (name, placing, branching)) in ways.into_iter().enumerate() {
+        let began = Instant::now();
+        let made = plan(&seen.demand, &seen.space, &rules, placing, branching);
+        let seconds = looked + began.elapsed().as_secs_f64();
+        let volume = volume_mm3(&made, layer_mm);
+        let tally = made.forest.tally();
+        let (far, area) = percentiles(&seen, &made);
+        println!(
+            "| {} | {process:?} | {name} | {} | {} | {} | {} | {} | {:.0} | {volume:.1} | {far:.2} | {area:.2} | {} | {seconds:.2} |",
+            file.file_stem().unwrap_or_default().to_string_lossy(),
+            tally.tips, made.points.at_least, tally.junctions, tally.trunks_on_plate, tally.landings_on_model,
+            tally.length_mm, made.unheld.len(),
+        );
+        if std::env::var_os("WHY").is_some() {
+            for u in &made.unheld { println!("{:.2?} {:.3} {} {:?}", u.place_mm, u.area_mm2, u.island, u.reason); }
+            println!("needs {} area {:.1} regions {}", seen.demand.needs.len(), seen.demand.area_mm2, seen.demand.regions);
+        }
+        sums.tips[k][m] += f64::from(tally.tips);
+        sums.volume[k][m] += volume;
+        volumes[m] = volume;
+    }
+    if volumes[1] > 0.0 {
+        sums.ratios[k].push(volumes[2] / volumes[1]);
+    }
+    Ok(())
+}
+
+/// What is printed, mm³.
+fn volume_mm3(made: &Plan, layer_mm: f64) -> f64 {
+    let cuts = Cuts::new(&made.forest, 0.0);
+    let count = (cuts.top_mm() / layer_mm).ceil() as u32;
+    (0..count)
+        .map(|k| {
+            let bottom = f64::from(k) * layer_mm;
+            let section = cuts.section(bottom, bottom + layer_mm);
+            (section.body.area_mm2() + section.interface.area_mm2()) * layer_mm
+        })
+        .sum()
+}
+
+/// Distance to the nearest tip, and area of a tip, at the 95th percentile by area.
+fn percentiles(seen: &Look, made: &Plan) -> (f64, f64) {
+    let needs = &seen.demand.needs;
+    let tips: Vec<[f64; 3]> = made.points.tips.iter().map(|t| needs[t.need as usize].at_mm).collect();
+    let mut far: Vec<(f64, f64)> = needs
+        .iter()
+        .map(|n| {
+            let apart = |t: &[f64; 3]| (0..3).map(|k| (t[k] - n.at_mm[k]).powi(2)).sum::<f64>();
+            let least = tips.iter().map(apart).fold(f64::INFINITY, f64::min);
+            (least.sqrt(), n.area_mm2)
+        })
+        .collect();
+    let mut area: Vec<(f64, f64)> = made.points.tips.iter().map(|t| (t.area_mm2, t.area_mm2)).collect();
+    (at_95(&mut far), at_95(&mut area))
+}
+
+fn at_95(values: &mut [(f64, f64)]) -> f64 {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f64 = values.iter().map(|v| v.1).sum();
+    let mut sum = 0.0;
+    for (value, weight) in values.iter() {
+        sum += weight;
+        if sum >= 0.95 * all {
+            return *value;
+        }
+    }
+    0.0
+}

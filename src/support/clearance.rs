@@ -1,0 +1,434 @@
+//! Where branches may go: the space around a part, and from where the plate can be reached.
+//!
+//! Takes layers from the plate up. They are drawn into slabs of square cells, everything
+//! that a slab holds at any height being one picture; each cell then knows how far it is
+//! from the part in its slab. A branch leans at most as far as a cell is wide a half slab,
+//! so looking at each half slab sees all that it could meet.
+//!
+//! Distances are those between the centres of cells less half a cell: they err by at most
+//! a cell to either side. What lies outside of the grid is not free.
+use crate::layers::shape::{Bounds, Point, Region, ring_edges};
+use crate::layers::stack::Layer;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Cells in all, two bytes each.
+const MAX_CELLS: f64 = 40e6;
+
+/// Finest cell, mm.
+const FINEST_MM: f64 = 0.2;
+
+/// A slab is so many cells high.
+const SLAB_CELLS: f64 = 2.0;
+
+/// Room around the part in which branches may pass it, mm.
+const MARGIN_MM: f64 = 12.0;
+
+/// A distance is kept in eighths of a cell.
+const PARTS: f64 = 8.0;
+
+/// The part drawn into slabs, while layers come.
+#[derive(Debug)]
+pub struct Drawing {
+    grid: Grid,
+    /// Of each cell how far up its slab the part reaches, in 255ths; 0: nowhere.
+    slabs: Vec<Vec<u8>>,
+}
+
+/// How cells lie over the plate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Grid {
+    /// Lower left corner of the first cell, mm.
+    origin: [f64; 2],
+    cell_mm: f64,
+    slab_mm: f64,
+    size: [usize; 2],
+}
+
+impl Grid {
+    fn index(&self, x: i64, y: i64) -> Option<usize> {
+        let within = |k: i64, size: usize| usize::try_from(k).ok().filter(|k| *k < size);
+        Some(within(y, self.size[1])? * self.size[0] + within(x, self.size[0])?)
+    }
+
+    fn cell(&self, at: [f64; 2]) -> [i64; 2] {
+        [0, 1].map(|k| ((at[k] - self.origin[k]) / self.cell_mm).floor() as i64)
+    }
+
+    fn centre(&self, index: usize) -> [f64; 2] {
+        let cell = [index % self.size[0], index / self.size[0]];
+        [0, 1].map(|k| self.origin[k] + (cell[k] as f64 + 0.5) * self.cell_mm)
+    }
+
+    fn slab(&self, z_mm: f64) -> usize {
+        // A place just on a border belongs below: it is a bottom as often as a top.
+        ((z_mm / self.slab_mm - 1e-6).floor().max(0.0)) as usize
+    }
+}
+
+impl Drawing {
+    /// Nothing yet of a part that lies within `bounds` and is `height_mm` high. Cells are
+    /// 0.2 mm wide, wider where there would be more than 40 million.
+    #[must_use]
+    pub fn new(bounds: Bounds, height_mm: f64) -> Drawing {
+        let [min, max] = bounds.mm();
+        let origin = min.map(|c| c - MARGIN_MM);
+        let wide = [0, 1].map(|k| (max[k] - min[k]).max(0.0) + 2.0 * MARGIN_MM);
+        let height = height_mm.max(0.1);
+        let volume = wide[0] * wide[1] * height / SLAB_CELLS;
+        let cell_mm = FINEST_MM.max((volume / MAX_CELLS).cbrt());
+        let size = wide.map(|w| (w / cell_mm).ceil() as usize + 1);
+        let slab_mm = cell_mm * SLAB_CELLS;
+        Drawing { grid: Grid { origin, cell_mm, slab_mm, size }, slabs: Vec::new() }
+    }
+
+    /// Draws layers, on all cores.
+    pub fn add(&mut self, layers: &[Layer]) {
+        let grid = self.grid;
+        let mut by_slab: BTreeMap<usize, Vec<&Layer>> = BTreeMap::new();
+        for layer in layers.iter().filter(|l| !l.part.is_empty()) {
+            let [low, high] = [grid.slab(layer.bottom_mm + 1e-6), grid.slab(layer.top_mm)];
+            for slab in low..=high.max(low) {
+                by_slab.entry(slab).or_default().push(layer);
+            }
+        }
+        let drawn: Vec<(usize, Vec<u8>)> =
+            by_slab.into_par_iter().map(|(slab, layers)| (slab, grid.draw(slab, &layers))).collect();
+        for (slab, picture) in drawn {
+            if self.slabs.len() <= slab {
+                self.slabs.resize(slab + 1, Vec::new());
+            }
+            let own = &mut self.slabs[slab];
+            if own.is_empty() {
+                *own = picture;
+            } else {
+                own.iter_mut().zip(picture).for_each(|(a, b)| *a = (*a).max(b));
+            }
+        }
+    }
+
+    /// All layers were drawn.
+    #[must_use]
+    pub fn finish(mut self) -> Clearance {
+        let grid = self.grid;
+        let cells = grid.size[0] * grid.size[1];
+        for slab in &mut self.slabs {
+            slab.resize(cells, 0);
+        }
+        let away = self.slabs.par_iter().map(|slab| grid.distances(slab)).collect();
+        Clearance { grid, tops: self.slabs, away }
+    }
+}
+
+impl Grid {
+    fn draw(&self, slab: usize, layers: &[&Layer]) -> Vec<u8> {
+        let mut picture = vec![0; self.size[0] * self.size[1]];
+        for layer in layers {
+            let up = (layer.top_mm / self.slab_mm - slab as f64) * 255.0;
+            let level = up.ceil().clamp(1.0, 255.0) as u8;
+            self.draw_region(&layer.part, level, &mut picture);
+        }
+        picture
+    }
+
+    /// Every cell whose centre lies inside, and every one that a border runs through.
+    fn draw_region(&self, region: &Region, level: u8, picture: &mut [u8]) {
+        let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); self.size[1]];
+        let place = |p: Point| {
+            let at = p.mm();
+            [0, 1].map(|k| (at[k] - self.origin[k]) / self.cell_mm)
+        };
+        let mut put = |at: [f64; 2]| {
+            if let Some(index) = self.index(at[0].floor() as i64, at[1].floor() as i64) {
+                picture[index] = picture[index].max(level);
+            }
+        };
+        for ring in region.rings() {
+            for [a, b] in ring_edges(ring) {
+                let (a, b) = (place(a), place(b));
+                let long = (b[0] - a[0]).abs().max((b[1] - a[1]).abs());
+                let steps = (long * 2.0).ceil().clamp(1.0, 1e6);
+                for k in 0..steps as u32 {
+                    let t = f64::from(k) / steps;
+                    put([a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t]);
+                }
+                let (low, high) = if a[1] < b[1] { (a, b) } else { (b, a) };
+                let first = (low[1] - 0.5).ceil().max(0.0) as usize;
+                let end = ((high[1] - 0.5).ceil().max(0.0) as usize).min(self.size[1]);
+                for (row, crossed) in crossings.iter_mut().enumerate().take(end).skip(first) {
+                    let t = (row as f64 + 0.5 - low[1]) / (high[1] - low[1]);
+                    crossed.push(low[0] + (high[0] - low[0]) * t);
+                }
+            }
+        }
+        for (row, crossed) in crossings.iter_mut().enumerate() {
+            crossed.sort_by(f64::total_cmp);
+            let cells = &mut picture[row * self.size[0]..(row + 1) * self.size[0]];
+            for span in crossed.chunks_exact(2) {
+                let from = (span[0] - 0.5).ceil().max(0.0) as usize;
+                let to = ((span[1] - 0.5).ceil().max(0.0) as usize).min(cells.len());
+                cells[from.min(to)..to].iter_mut().for_each(|c| *c = (*c).max(level));
+            }
+        }
+    }
+
+    /// How far each cell is from a drawn one, in eighths of a cell, at most 255 (Meijster,
+    /// Roerdink and Hesselink, "A general algorithm for computing distance transforms in
+    /// linear time", 2000).
+    fn distances(&self, picture: &[u8]) -> Vec<u8> {
+        const FAR: u16 = 1_000;
+        let [wide, deep] = self.size;
+        // Along columns first.
+        let mut column = vec![FAR; wide * deep];
+        for y in 0..deep {
+            for x in 0..wide {
+                let above = if y > 0 { column[(y - 1) * wide + x].saturating_add(1) } else { FAR };
+                column[y * wide + x] = if picture[y * wide + x] > 0 { 0 } else { above.min(FAR) };
+            }
+        }
+        for y in (0..deep.saturating_sub(1)).rev() {
+            for x in 0..wide {
+                let under = column[(y + 1) * wide + x].saturating_add(1);
+                column[y * wide + x] = column[y * wide + x].min(under);
+            }
+        }
+        let mut found = vec![0; wide * deep];
+        let (mut sites, mut starts) = (vec![0_i64; wide], vec![0_i64; wide]);
+        for y in 0..deep {
+            let g = |x: i64| i64::from(column[y * wide + x as usize]);
+            let f = |x: i64, i: i64| (x - i) * (x - i) + g(i) * g(i);
+            let mut q = 0_usize;
+            (sites[0], starts[0]) = (0, 0);
+            for u in 1..wide as i64 {
+                loop {
+                    if f(starts[q], sites[q]) <= f(starts[q], u) {
+                        let i = sites[q];
+                        let from = 1 + (u * u - i * i + g(u) * g(u) - g(i) * g(i)).div_euclid(2 * (u - i));
+                        if from < wide as i64 {
+                            q += 1;
+                            (sites[q], starts[q]) = (u, from);
+                        }
+                        break;
+                    }
+                    if q == 0 {
+                        sites[0] = u;
+                        break;
+                    }
+                    q -= 1;
+                }
+            }
+            for u in (0..wide as i64).rev() {
+                let squared = f(u, sites[q]) as f64;
+                found[y * wide + u as usize] = (squared.sqrt() * PARTS).min(255.0) as u8;
+                if u == starts[q] && q > 0 {
+                    q -= 1;
+                }
+            }
+        }
+        found
+    }
+}
+
+/// The space around a part.
+#[derive(Debug)]
+pub struct Clearance {
+    grid: Grid,
+    tops: Vec<Vec<u8>>,
+    away: Vec<Vec<u8>>,
+}
+
+impl Clearance {
+    /// Height of a slab, mm.
+    #[must_use]
+    pub fn slab_mm(&self) -> f64 {
+        self.grid.slab_mm
+    }
+
+    /// Width of a cell, mm.
+    #[must_use]
+    pub fn cell_mm(&self) -> f64 {
+        self.grid.cell_mm
+    }
+
+    /// How far a place is from the part in its slab, mm; negative inside and outside of the
+    /// grid; large values are cut off at some 30 cells.
+    #[must_use]
+    pub fn away_mm(&self, at: [f64; 3]) -> f64 {
+        let cell = self.grid.cell([at[0], at[1]]);
+        let Some(index) = self.grid.index(cell[0], cell[1]) else { return -1.0 };
+        let Some(slab) = self.away.get(self.grid.slab(at[2])) else {
+            return 255.0 / PARTS * self.grid.cell_mm;
+        };
+        (f64::from(slab[index]) / PARTS - 0.5) * self.grid.cell_mm
+    }
+
+    /// Whether a ball may be there: its radius and the distance to keep, mm.
+    #[must_use]
+    pub fn is_free(&self, at: [f64; 3], radius_mm: f64) -> bool {
+        self.away_mm(at) >= radius_mm
+    }
+
+    /// Whether a branch may run there, as thick and as far from the part as `radii` say in
+    /// sum at its two ends, mm.
+    #[must_use]
+    pub fn is_clear(&self, from: [f64; 3], to: [f64; 3], radii_mm: [f64; 2]) -> bool {
+        let flat = (to[0] - from[0]).hypot(to[1] - from[1]);
+        let steps = ((from[2] - to[2]).abs() * 2.0 / self.grid.slab_mm).max(flat / self.grid.cell_mm);
+        let steps = steps.ceil().clamp(1.0, 1e5) as u32;
+        (0..=steps).all(|k| {
+            let t = f64::from(k) / f64::from(steps);
+            let at = [0, 1, 2].map(|k| from[k] + (to[k] - from[k]) * t);
+            self.is_free(at, radii_mm[0] + (radii_mm[1] - radii_mm[0]) * t)
+        })
+    }
+
+    /// The highest place of the part straight below a place, mm; `None`: the plate.
+    #[must_use]
+    pub fn floor_mm(&self, at: [f64; 3]) -> Option<f64> {
+        let cell = self.grid.cell([at[0], at[1]]);
+        let index = self.grid.index(cell[0], cell[1])?;
+        let below = self.grid.slab(at[2]).min(self.tops.len());
+        let slab = (0..below).rev().find(|slab| self.tops[*slab][index] > 0)?;
+        Some((slab as f64 + f64::from(self.tops[slab][index]) / 255.0) * self.grid.slab_mm)
+    }
+
+    /// From where a branch of this radius and distance, mm, gets to the plate when it leans
+    /// at most by `slope` (mm sideways a mm down).
+    #[must_use]
+    pub fn reach(&self, radius_mm: f64, slope: f64) -> Reach {
+        let words = self.grid.size[0].div_ceil(64);
+        let deep = self.grid.size[1];
+        let bound = ((radius_mm / self.grid.cell_mm + 0.5) * PARTS).ceil().clamp(0.0, 255.0) as u8;
+        let free: Vec<Vec<u64>> = self
+            .away
+            .par_iter()
+            .map(|slab| {
+                let mut bits = vec![0_u64; words * deep];
+                for (y, row) in slab.chunks_exact(self.grid.size[0]).enumerate() {
+                    for (x, away) in row.iter().enumerate().filter(|(_, away)| **away >= bound) {
+                        let _ = away;
+                        bits[y * words + x / 64] |= 1 << (x % 64);
+                    }
+                }
+                bits
+            })
+            .collect();
+        let step = (slope * SLAB_CELLS).floor().clamp(0.0, 16.0) as i64;
+        let mut slabs: Vec<Vec<u64>> = Vec::with_capacity(free.len());
+        for free in free {
+            let next = match slabs.last() {
+                None => free,
+                Some(below) => {
+                    let mut spread = spread(below, words, deep, step);
+                    spread.iter_mut().zip(&free).for_each(|(s, f)| *s &= f);
+                    spread
+                }
+            };
+            slabs.push(next);
+        }
+        Reach { grid: self.grid, words, step, slabs }
+    }
+}
+
+/// Bits spread by a disc of `step` cells.
+fn spread(bits: &[u64], words: usize, deep: usize, step: i64) -> Vec<u64> {
+    // Along rows, for each distance that a row of the disc has.
+    let half = |dy: i64| (((step * step - dy * dy) as f64).sqrt() + 1e-9).floor() as u32;
+    let row_spread = |row: &[u64], by: u32| -> Vec<u64> {
+        let mut out = row.to_vec();
+        for _ in 0..by {
+            let was = out.clone();
+            for (k, word) in out.iter_mut().enumerate() {
+                let left = if k > 0 { was[k - 1] >> 63 } else { 0 };
+                let right = was.get(k + 1).map_or(0, |w| w << 63);
+                *word |= was[k] << 1 | left | was[k] >> 1 | right;
+            }
+        }
+        out
+    };
+    let mut out = vec![0; words * deep];
+    for dy in 0..=step {
+        let by = half(dy);
+        for y in 0..deep {
+            let row = row_spread(&bits[y * words..(y + 1) * words], by);
+            for to in [y as i64 + dy, y as i64 - dy] {
+                if let Ok(to) = usize::try_from(to)
+                    && to < deep
+                {
+                    out[to * words..(to + 1) * words].iter_mut().zip(&row).for_each(|(o, r)| *o |= r);
+                }
+            }
+        }
+    }
+    out
+}
+
+/// From where the plate can be reached.
+#[derive(Debug)]
+pub struct Reach {
+    grid: Grid,
+    words: usize,
+    step: i64,
+    slabs: Vec<Vec<u64>>,
+}
+
+impl Reach {
+    fn has(&self, slab: usize, cell: [i64; 2]) -> bool {
+        let Some(index) = self.grid.index(cell[0], cell[1]) else { return false };
+        let Some(bits) = self.slabs.get(slab) else {
+            // Above the part: as from its highest slab.
+            return self.slabs.is_empty() || self.has(self.slabs.len() - 1, cell);
+        };
+        let (x, y) = (index % self.grid.size[0], index / self.grid.size[0]);
+        bits[y * self.words + x / 64] >> (x % 64) & 1 == 1
+    }
+
+    /// Whether the plate can be reached from a place.
+    #[must_use]
+    pub fn reaches(&self, at: [f64; 3]) -> bool {
+        self.has(self.grid.slab(at[2]), self.grid.cell([at[0], at[1]]))
+    }
+
+    /// A way down to the plate, from just below a place to `end_mm` above the plate: straight
+    /// down where that leads there, aside where it does not. `None` where there is none.
+    #[must_use]
+    pub fn way(&self, from: [f64; 3], end_mm: f64) -> Option<Vec<[f64; 3]>> {
+        if !self.reaches(from) {
+            return None;
+        }
+        let mut cell = self.grid.cell([from[0], from[1]]);
+        let mut at = [from[0], from[1]];
+        let mut way = Vec::new();
+        let highest = self.grid.slab(from[2]).min(self.slabs.len());
+        for slab in (0..highest).rev() {
+            if self.has(slab, cell) {
+                continue;
+            }
+            let found = self.nearest(slab, cell)?;
+            // Where the slab above ends it goes aside, within the height of a slab.
+            let z = ((slab + 2) as f64 * self.grid.slab_mm).min(from[2]);
+            let aside = ((slab + 1) as f64 * self.grid.slab_mm).min(z);
+            if z < from[2] {
+                way.push([at[0], at[1], z]);
+            }
+            let index = self.grid.index(found[0], found[1])?;
+            (cell, at) = (found, self.grid.centre(index));
+            way.push([at[0], at[1], aside]);
+        }
+        way.push([at[0], at[1], end_mm]);
+        way.dedup_by(|b, a| a == b);
+        Some(way)
+    }
+
+    /// The nearest cell within a step from which the plate is reached, first of equals.
+    fn nearest(&self, slab: usize, cell: [i64; 2]) -> Option<[i64; 2]> {
+        let around = -self.step..=self.step;
+        around
+            .clone()
+            .flat_map(|dy| around.clone().map(move |dx| [dx, dy]))
+            .filter(|d| d[0] * d[0] + d[1] * d[1] <= self.step * self.step)
+            .filter(|d| self.has(slab, [cell[0] + d[0], cell[1] + d[1]]))
+            .min_by_key(|d| (d[0] * d[0] + d[1] * d[1], d[1], d[0]))
+            .map(|d| [cell[0] + d[0], cell[1] + d[1]])
+    }
+}

@@ -1,0 +1,225 @@
+//! What must be held: islands where they begin, and overhangs in small portions.
+//!
+//! Looks on at a [`crate::detect::walk`] and takes the overhanging pieces of each layer.
+//! Their places are gathered in cells: a cell stands for the area of all pieces in it, at
+//! the lowest place of the first of these. Cells that touch belong to one region, so that
+//! a finger does not count as held by the tip under its neighbour.
+//!
+//! Choices: an island of at least the smallest area asked for is a need of its own, at
+//! the layer in which it appears, at its centroid or, where that lies outside of it, at
+//! the innermost of some places inside. Regions of less area in all that hold no such
+//! island need nothing; they are those that `check` lists apart.
+use crate::detect::island::Island;
+use crate::detect::walk::{Seen, Watch};
+use crate::layers::shape::{Place, Point, Polygon, ring_edges};
+use rustc_hash::FxHashMap;
+
+/// Cells at most: 40 m² of overhang in cells of 1 mm would be more than any part has.
+pub const MAX_NEEDS: usize = 4_000_000;
+
+/// A portion of what must be held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Need {
+    /// Its lowest place, mm: the underside of the layer that overhangs.
+    pub at_mm: [f64; 3],
+    /// Area seen from below, mm².
+    pub area_mm2: f64,
+    /// Which overhang it belongs to.
+    pub region: u32,
+    /// It is where an island begins: something must stand right under it.
+    pub island: bool,
+}
+
+/// All that must be held, islands first, each from the lowest up.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Demand {
+    /// The portions.
+    pub needs: Vec<Need>,
+    /// Regions that they form.
+    pub regions: u32,
+    /// Area in all, mm².
+    pub area_mm2: f64,
+    /// Side of a cell, mm.
+    pub cell_mm: f64,
+    /// There were more cells than [`MAX_NEEDS`]; the highest are missing.
+    pub cut_off: bool,
+}
+
+/// Gathers a [`Demand`] during a walk.
+#[derive(Debug)]
+pub struct Gather {
+    cell_mm: f64,
+    cells: FxHashMap<[i32; 3], Need>,
+    /// Pieces of islands in the layer where they appear: layer, centroid, place.
+    islands: Vec<(u32, [f64; 2], [f64; 3])>,
+    cut_off: bool,
+}
+
+impl Gather {
+    /// In cells of this size, mm.
+    #[must_use]
+    pub fn new(cell_mm: f64) -> Gather {
+        Gather { cell_mm, cells: FxHashMap::default(), islands: Vec::new(), cut_off: false }
+    }
+
+    fn put(&mut self, at_mm: [f64; 3], area_mm2: f64) {
+        let cell = at_mm.map(|c| (c / self.cell_mm).floor() as i32);
+        if self.cells.len() >= MAX_NEEDS && !self.cells.contains_key(&cell) {
+            self.cut_off = true;
+            return;
+        }
+        let need = Need { at_mm, area_mm2: 0.0, region: 0, island: false };
+        self.cells.entry(cell).or_insert(need).area_mm2 += area_mm2;
+    }
+
+    fn piece(&mut self, polygon: &Polygon, z_mm: f64) {
+        let places = places(polygon, self.cell_mm / 2.0);
+        let share = polygon.area_mm2() / places.len() as f64;
+        for at in places {
+            self.put([at[0], at[1], z_mm], share);
+        }
+    }
+
+    /// What was gathered. `islands` are those that count; regions without one need at
+    /// least `min_area_mm2`.
+    #[must_use]
+    pub fn finish(self, islands: &[Island], min_area_mm2: f64) -> Demand {
+        let cell_mm = self.cell_mm;
+        let mut needs: Vec<Need> = self.cells.into_values().collect();
+        let key = |n: &Need| (n.at_mm[2], n.at_mm[1], n.at_mm[0]);
+        let order = |a: &Need, b: &Need| {
+            let (a, b) = (key(a), key(b));
+            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
+        };
+        let counted: Vec<Need> = self
+            .islands
+            .iter()
+            .filter(|(layer, centroid, _)| {
+                // The same polygon gave the same centroid.
+                islands.iter().any(|i| i.layer == *layer && i.centroid_mm == *centroid)
+            })
+            .map(|(.., at_mm)| Need { at_mm: *at_mm, area_mm2: 0.0, region: 0, island: true })
+            .collect();
+        needs.extend(counted);
+        needs.sort_by(|a, b| b.island.cmp(&a.island).then_with(|| order(a, b)));
+        let regions = join(&mut needs, cell_mm);
+        let mut area = vec![(0.0, false); regions as usize];
+        for need in &needs {
+            let of = &mut area[need.region as usize];
+            *of = (of.0 + need.area_mm2, of.1 || need.island);
+        }
+        needs.retain(|n| area[n.region as usize].1 || area[n.region as usize].0 >= min_area_mm2);
+        let area_mm2 = needs.iter().map(|n| n.area_mm2).sum();
+        Demand { needs, regions, area_mm2, cell_mm, cut_off: self.cut_off }
+    }
+}
+
+impl Watch for Gather {
+    fn layer(&mut self, seen: &Seen<'_>) {
+        let z_mm = seen.layer.bottom_mm;
+        for piece in seen.overhang {
+            self.piece(&piece.polygon, z_mm);
+            if piece.island {
+                let at = inside(&piece.polygon, self.cell_mm);
+                let centroid = piece.polygon.centroid_mm();
+                self.islands.push((seen.layer.number, centroid, [at[0], at[1], z_mm]));
+            }
+        }
+    }
+}
+
+/// Places that stand for a polygon: a lattice inside it, and its border.
+fn places(polygon: &Polygon, pitch_mm: f64) -> Vec<[f64; 2]> {
+    let mut found = Vec::new();
+    let [min, max] = polygon.bounds().mm();
+    let first = min.map(|c| (c / pitch_mm).ceil() as i64);
+    let last = max.map(|c| (c / pitch_mm).floor() as i64);
+    for y in first[1]..=last[1] {
+        let y_mm = y as f64 * pitch_mm;
+        let mut crossed = crossings(polygon, y_mm);
+        crossed.sort_by(f64::total_cmp);
+        for span in crossed.chunks_exact(2) {
+            let from = first[0].max((span[0] / pitch_mm).ceil() as i64);
+            let to = last[0].min((span[1] / pitch_mm).floor() as i64);
+            found.extend((from..=to).map(|x| [x as f64 * pitch_mm, y_mm]));
+        }
+    }
+    for ring in &polygon.rings {
+        // One place each pitch along the ring, wherever its points are.
+        let mut left = 0.0;
+        for [a, b] in ring_edges(ring) {
+            let (a, b) = (a.mm(), b.mm());
+            let long = (b[0] - a[0]).hypot(b[1] - a[1]);
+            while left < long {
+                let t = left / long;
+                found.push([a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t]);
+                left += pitch_mm;
+            }
+            left -= long;
+        }
+    }
+    found
+}
+
+fn crossings(polygon: &Polygon, y_mm: f64) -> Vec<f64> {
+    let edges = polygon.rings.iter().flat_map(|r| ring_edges(r)).map(|e| e.map(Point::mm));
+    edges
+        .filter(|[a, b]| (a[1] > y_mm) != (b[1] > y_mm))
+        .map(|[a, b]| a[0] + (b[0] - a[0]) * (y_mm - a[1]) / (b[1] - a[1]))
+        .collect()
+}
+
+/// The centroid where it lies inside, else the middle of the widest of some cuts.
+fn inside(polygon: &Polygon, pitch_mm: f64) -> [f64; 2] {
+    let centroid = polygon.centroid_mm();
+    if polygon.place(Point::from_mm(centroid[0], centroid[1])) == Place::Inside {
+        return centroid;
+    }
+    let [min, max] = polygon.bounds().mm();
+    let cuts = ((max[1] - min[1]) / pitch_mm).ceil().clamp(8.0, 256.0) as u32;
+    let mut best = (-1.0, centroid);
+    for k in 0..cuts {
+        let y = min[1] + (max[1] - min[1]) * (f64::from(k) + 0.5) / f64::from(cuts);
+        let mut crossed = crossings(polygon, y);
+        crossed.sort_by(f64::total_cmp);
+        for span in crossed.chunks_exact(2) {
+            if span[1] - span[0] > best.0 {
+                best = (span[1] - span[0], [(span[0] + span[1]) / 2.0, y]);
+            }
+        }
+    }
+    best.1
+}
+
+/// Numbers the regions: cells that are at most one cell apart belong together.
+fn join(needs: &mut [Need], cell_mm: f64) -> u32 {
+    let cell = |n: &Need| n.at_mm.map(|c| (c / cell_mm).floor() as i32);
+    let mut by_cell: FxHashMap<[i32; 3], Vec<usize>> = FxHashMap::default();
+    for (k, need) in needs.iter().enumerate() {
+        by_cell.entry(cell(need)).or_default().push(k);
+    }
+    let mut region = vec![u32::MAX; needs.len()];
+    let mut count = 0;
+    for start in 0..needs.len() {
+        if region[start] != u32::MAX {
+            continue;
+        }
+        region[start] = count;
+        let mut todo = vec![start];
+        while let Some(k) = todo.pop() {
+            let own = cell(&needs[k]);
+            for step in 0..27 {
+                let near = [own[0] + step % 3 - 1, own[1] + step / 3 % 3 - 1, own[2] + step / 9 - 1];
+                for other in by_cell.get(&near).into_iter().flatten() {
+                    if region[*other] == u32::MAX {
+                        region[*other] = count;
+                        todo.push(*other);
+                    }
+                }
+            }
+        }
+        count += 1;
+    }
+    needs.iter_mut().zip(region).for_each(|(need, region)| need.region = region);
+    count
+}

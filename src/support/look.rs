@@ -1,0 +1,86 @@
+//! One look at a job's layers: what must be held, and where branches may go.
+use super::clearance::{Clearance, Drawing};
+use super::demand::{Demand, Gather};
+use crate::detect::overhang::{Growth, SelfSupport};
+use crate::detect::walk::{Ask, Findings, LayerAsk, Seen, Stage, Watch, walk};
+use crate::layers::shape::Bounds;
+use crate::layers::stack::{Layer, Layers};
+
+/// Cells of the demand in the distance between tips: what is a cell away from a held place
+/// is a quarter of that distance away at most.
+const CELLS: f64 = 4.0;
+
+/// What was seen.
+#[derive(Debug)]
+pub struct Look {
+    /// What must be held.
+    pub demand: Demand,
+    /// Where branches may go.
+    pub space: Clearance,
+    /// What detection says of the part.
+    pub findings: Findings,
+}
+
+/// Layers that are drawn as they pass.
+struct Drawn<'a, L> {
+    layers: &'a mut L,
+    drawing: Drawing,
+}
+
+impl<L: Layers> Layers for Drawn<'_, L> {
+    type Error = L::Error;
+
+    fn count(&self) -> Option<u32> {
+        self.layers.count()
+    }
+
+    fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, L::Error> {
+        let batch = self.layers.next_batch()?;
+        if let Some(batch) = &batch {
+            self.drawing.add(batch);
+        }
+        Ok(batch)
+    }
+}
+
+/// Shows each layer to two who look on.
+struct Both<'a, W> {
+    gather: Gather,
+    other: &'a mut W,
+}
+
+impl<W: Watch> Watch for Both<'_, W> {
+    fn lap(&mut self, stage: Stage) {
+        self.other.lap(stage);
+    }
+
+    fn layer(&mut self, seen: &Seen<'_>) {
+        self.gather.layer(seen);
+        self.other.layer(seen);
+    }
+}
+
+/// Looks at all layers of a part within `bounds` and `height_mm`, by what its material holds
+/// itself, for tips `spacing_mm` from what they hold.
+///
+/// # Errors
+/// Those of the layers' source.
+pub fn look<L: Layers>(
+    layers: &mut L,
+    bounds: Bounds,
+    height_mm: f64,
+    rules: SelfSupport,
+    spacing_mm: f64,
+    watch: &mut impl Watch,
+) -> Result<Look, L::Error> {
+    let mut drawn = Drawn { layers, drawing: Drawing::new(bounds, height_mm) };
+    let mut both = Both { gather: Gather::new(spacing_mm / CELLS), other: watch };
+    let ask = Ask {
+        min_island_mm2: rules.min_area_mm2,
+        layer: Some(LayerAsk { rules, growth: Growth::Conditional }),
+        image: None,
+    };
+    let findings = walk(&mut drawn, &ask, &mut both)?;
+    let demand = both.gather.finish(&findings.islands.islands, rules.min_area_mm2);
+    Ok(Look { demand, space: drawn.drawing.finish(), findings })
+}

@@ -1,0 +1,31 @@
+//! The least that holds: what needs support, where tips stand, and the trees below them.
+//!
+//! Takes what [`crate::detect`] finds in a job's layers, gives a forest of branches and
+//! what cannot be held, with place and reason. The planner knows clearance and its rules,
+//! not files: what becomes of the forest is [`crate::merge`]'s matter.
+//!
+//! # Layout
+//! ```text
+//! detect::walk ─► demand ─► points ─► skeleton (vanek | grow, improve) ─► tree ─► section
+//!      └────────► clearance ─► site ──────┘
+//! ```
+//! - [`demand`]: what must be held
+//! - [`clearance`]: where branches may go; [`site`]: with the rules put upon it
+//! - [`points`]: where tips stand
+//! - `skeleton`: branches that are still laid out; `vanek`, `grow` and `improve` lay them
+//! - [`tree`]: what comes out; [`rules`]: what it must be like
+//! - [`section`]: what of it lies in a layer; [`cut`]: a forest as such
+pub mod clearance;
+pub mod cut;
+pub mod demand;
+mod grow;
+mod improve;
+pub mod look;
+pub mod plan;
+pub mod points;
+pub mod rules;
+pub mod section;
+pub mod site;
+mod skeleton;
+pub mod tree;
+mod vanek;

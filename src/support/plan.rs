@@ -1,0 +1,72 @@
+//! From demand and space to a forest.
+use super::clearance::Clearance;
+use super::demand::Demand;
+use super::points::{Points, Unheld, cover, fixed};
+use super::rules::Rules;
+use super::site::{Reason, Site};
+use super::skeleton::Skeleton;
+use super::tree::Forest;
+use super::{grow, improve, vanek};
+
+/// How tips are placed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Placing {
+    /// One each fixed distance.
+    Fixed,
+    /// The fewest.
+    Cover,
+}
+
+/// How branches run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Branching {
+    /// Each on its own.
+    Straight,
+    /// Trees as in "Clever Support".
+    Vanek,
+    /// Trees that save most.
+    Tree,
+}
+
+/// Supports, and what they do not hold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// What is printed.
+    pub forest: Forest,
+    /// Where tips stand.
+    pub points: Points,
+    /// What cannot be held, the lowest first.
+    pub unheld: Vec<Unheld>,
+}
+
+/// Plans supports. The same input gives the same plan.
+#[must_use]
+pub fn plan(demand: &Demand, space: &Clearance, rules: &Rules, placing: Placing, branching: Branching) -> Plan {
+    let site = Site::new(space, rules);
+    let points = match placing {
+        Placing::Fixed => fixed(demand, &site, rules),
+        Placing::Cover => cover(demand, &site, rules),
+    };
+    let (mut skeleton, lost) = Skeleton::new(&site, &points);
+    match branching {
+        Branching::Straight => {}
+        Branching::Vanek => vanek::join(&mut skeleton),
+        Branching::Tree => {
+            grow::join(&mut skeleton);
+            improve::improve(&mut skeleton);
+        }
+    }
+    let forest = skeleton.forest();
+    let mut unheld = points.unheld.clone();
+    unheld.extend(lost.into_iter().map(|k| {
+        let tip = &points.tips[k];
+        let need = &demand.needs[tip.need as usize];
+        Unheld {
+            place_mm: need.at_mm,
+            area_mm2: tip.area_mm2,
+            island: need.island,
+            reason: Reason::NoFloor,
+        }
+    }));
+    Plan { forest, points, unheld }
+}

@@ -1,0 +1,231 @@
+//! Supports as a forest: tips above, branches that meet on their way down, feet below.
+//!
+//! Each node knows the node that it stands on; a branch is a node with what it stands on,
+//! a frustum from the one's radius to the other's. Knows no part and no file.
+use super::rules::Rules;
+use std::f64::consts::PI;
+
+/// No node below: it stands on the plate or on the part.
+pub const GROUND: u32 = u32::MAX;
+
+/// What a node is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Touches what it holds.
+    Tip,
+    /// A bend, or where branches meet.
+    Joint,
+    /// Stands on the plate.
+    Plate,
+    /// Stands on the part.
+    Model,
+}
+
+/// A place through which a branch runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    /// Where, mm.
+    pub at_mm: [f64; 3],
+    /// What it is.
+    pub kind: Kind,
+    /// The node that it stands on, or [`GROUND`].
+    pub down: u32,
+    /// Radius there, mm.
+    pub radius_mm: f64,
+    /// Tips that it carries.
+    pub load: u32,
+    /// Longest way up to a tip that it carries, mm.
+    pub length_mm: f64,
+    /// It may not be moved or thickened: the end of a tip's head, or a foot.
+    pub fixed: bool,
+}
+
+/// A forest of supports.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Forest {
+    /// Its nodes; indices are what [`Node::down`] holds.
+    pub nodes: Vec<Node>,
+}
+
+/// A branch with its two ends, the upper first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Branch {
+    /// Ends, mm.
+    pub ends_mm: [[f64; 3]; 2],
+    /// Radii there, mm.
+    pub radii_mm: [f64; 2],
+}
+
+/// What a forest amounts to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Places that are held.
+    pub tips: u32,
+    /// Where branches meet.
+    pub junctions: u32,
+    /// Feet on the plate.
+    pub trunks_on_plate: u32,
+    /// Feet on the part.
+    pub landings_on_model: u32,
+    /// All branches, mm.
+    pub length_mm: f64,
+}
+
+/// Distance of two places, mm.
+#[must_use]
+pub fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>().sqrt()
+}
+
+/// Whether a branch may run from `a` down to `b`, `slope` being mm sideways a mm down.
+#[must_use]
+pub fn leans_within(a: [f64; 3], b: [f64; 3], slope: f64) -> bool {
+    (a[0] - b[0]).hypot(a[1] - b[1]) <= slope * (a[2] - b[2]) + 1e-6
+}
+
+/// Volume of a frustum, mm³.
+#[must_use]
+pub fn frustum_mm3(length_mm: f64, radii_mm: [f64; 2]) -> f64 {
+    let [a, b] = radii_mm;
+    PI * length_mm * (a * a + a * b + b * b) / 3.0
+}
+
+impl Branch {
+    /// Its volume, mm³, joints counted as often as branches meet.
+    #[must_use]
+    pub fn volume_mm3(&self) -> f64 {
+        frustum_mm3(distance(self.ends_mm[0], self.ends_mm[1]), self.radii_mm)
+    }
+}
+
+impl Forest {
+    /// Adds a node and gives its index.
+    pub fn push(&mut self, at_mm: [f64; 3], kind: Kind, down: u32, radius_mm: f64) -> u32 {
+        let fixed = kind != Kind::Joint;
+        self.nodes.push(Node { at_mm, kind, down, radius_mm, load: 0, length_mm: 0.0, fixed });
+        self.nodes.len() as u32 - 1
+    }
+
+    /// All branches.
+    pub fn branches(&self) -> impl Iterator<Item = Branch> + '_ {
+        self.nodes.iter().filter_map(|n| {
+            let down = self.nodes.get(n.down as usize)?;
+            Some(Branch { ends_mm: [n.at_mm, down.at_mm], radii_mm: [n.radius_mm, down.radius_mm] })
+        })
+    }
+
+    /// What each node carries directly.
+    #[must_use]
+    pub fn children(&self) -> Vec<Vec<u32>> {
+        let mut children = vec![Vec::new(); self.nodes.len()];
+        for (k, node) in self.nodes.iter().enumerate() {
+            if let Some(own) = children.get_mut(node.down as usize) {
+                own.push(k as u32);
+            }
+        }
+        children
+    }
+
+    /// Indices so that each node comes before what it stands on.
+    #[must_use]
+    pub fn downward(&self) -> Vec<u32> {
+        let mut waits: Vec<u32> = vec![0; self.nodes.len()];
+        for node in &self.nodes {
+            if let Some(wait) = waits.get_mut(node.down as usize) {
+                *wait += 1;
+            }
+        }
+        let mut order: Vec<u32> = (0..self.nodes.len() as u32).filter(|k| waits[*k as usize] == 0).collect();
+        let mut at = 0;
+        while let Some(k) = order.get(at).copied() {
+            at += 1;
+            let down = self.nodes[k as usize].down;
+            if let Some(wait) = waits.get_mut(down as usize) {
+                *wait -= 1;
+                if *wait == 0 {
+                    order.push(down);
+                }
+            }
+        }
+        order
+    }
+
+    /// Sets loads, lengths and radii from the tips down: as thick as the rules ask for, but
+    /// no thicker than `room` (mm around a place) allows.
+    pub fn thicken(&mut self, rules: &Rules, room: impl Fn([f64; 3]) -> f64) {
+        for node in &mut self.nodes {
+            (node.load, node.length_mm) = (u32::from(node.kind == Kind::Tip), 0.0);
+        }
+        for k in self.downward() {
+            let node = self.nodes[k as usize];
+            let stands_on = self.nodes.get(node.down as usize).map(|d| d.kind);
+            if !node.fixed {
+                let wanted = match stands_on {
+                    Some(Kind::Plate) => rules.trunk_radius_mm(node.load, node.length_mm),
+                    _ => rules.radius_mm(node.load, node.length_mm),
+                };
+                let least = rules.branch_mm / 2.0;
+                self.nodes[k as usize].radius_mm = wanted.min(room(node.at_mm)).max(least);
+            }
+            let radius_mm = self.nodes[k as usize].radius_mm;
+            if stands_on == Some(Kind::Plate) && node.kind == Kind::Joint {
+                let spare = room(self.nodes[node.down as usize].at_mm) + rules.clearance_mm / 2.0;
+                let foot = &mut self.nodes[node.down as usize].radius_mm;
+                *foot = (rules.foot_mm / 2.0).min(spare).max(radius_mm);
+            }
+            if let Some(down) = self.nodes.get_mut(node.down as usize) {
+                down.load += node.load;
+                let length = node.length_mm + distance(node.at_mm, down.at_mm);
+                down.length_mm = down.length_mm.max(length);
+            }
+        }
+    }
+
+    /// Volume of all branches, mm³, joints counted as often as branches meet.
+    #[must_use]
+    pub fn volume_mm3(&self) -> f64 {
+        self.branches().map(|b| b.volume_mm3()).sum()
+    }
+
+    /// What it amounts to.
+    #[must_use]
+    pub fn tally(&self) -> Tally {
+        let mut tally = Tally::default();
+        for (node, children) in self.nodes.iter().zip(self.children()) {
+            match node.kind {
+                Kind::Tip => tally.tips += 1,
+                Kind::Joint => tally.junctions += u32::from(children.len() > 1),
+                Kind::Plate => tally.trunks_on_plate += 1,
+                Kind::Model => tally.landings_on_model += 1,
+            }
+        }
+        tally.length_mm = self.branches().map(|b| distance(b.ends_mm[0], b.ends_mm[1])).sum();
+        tally
+    }
+
+    /// Drops nodes that nothing stands on and that hold nothing.
+    pub fn prune(&mut self) {
+        let mut kept = vec![false; self.nodes.len()];
+        for k in self.downward() {
+            let node = self.nodes[k as usize];
+            kept[k as usize] |= node.kind == Kind::Tip;
+            if let Some(down) = kept.get(node.down as usize).copied() {
+                kept[node.down as usize] = down || kept[k as usize];
+            }
+        }
+        let mut new = vec![GROUND; kept.len()];
+        let mut next = 0;
+        for (new, _) in new.iter_mut().zip(&kept).filter(|(_, kept)| **kept) {
+            *new = next;
+            next += 1;
+        }
+        let mut at = 0;
+        self.nodes.retain(|_| {
+            at += 1;
+            kept[at - 1]
+        });
+        for node in &mut self.nodes {
+            node.down = new.get(node.down as usize).copied().unwrap_or(GROUND);
+        }
+    }
+}
