@@ -70,8 +70,14 @@ impl Sums {
             let middle = ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN);
             println!(
                 "\n{name}: tips {:.0} / {:.0} / {:.0}, volume {:.0} / {:.0} / {:.0} mm³ (straight / baseline / ours): ours {:.1} % less than the baseline in all, {:.1} % by the median model",
-                tips[0], tips[1], tips[2], volume[0], volume[1], volume[2],
-                100.0 * (1.0 - volume[2] / volume[1]), 100.0 * (1.0 - middle)
+                tips[0],
+                tips[1],
+                tips[2],
+                volume[0],
+                volume[1],
+                volume[2],
+                100.0 * (1.0 - volume[2] / volume[1]),
+                100.0 * (1.0 - middle)
             );
         }
     }
@@ -110,12 +116,24 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
         println!(
             "| {} | {process:?} | {name} | {} | {} | {} | {} | {} | {:.0} | {volume:.1} | {far:.2} | {area:.2} | {} | {seconds:.2} |",
             file.file_stem().unwrap_or_default().to_string_lossy(),
-            tally.tips, made.points.at_least, tally.junctions, tally.trunks_on_plate, tally.landings_on_model,
-            tally.length_mm, made.unheld.len(),
+            tally.tips,
+            made.points.at_least,
+            tally.junctions,
+            tally.trunks_on_plate,
+            tally.landings_on_model,
+            tally.length_mm,
+            made.unheld.len(),
         );
         if std::env::var_os("WHY").is_some() {
-            for u in &made.unheld { println!("{:.2?} {:.3} {} {:?}", u.place_mm, u.area_mm2, u.island, u.reason); }
-            println!("needs {} area {:.1} regions {}", seen.demand.needs.len(), seen.demand.area_mm2, seen.demand.regions);
+            for u in &made.unheld {
+                println!("{:.2?} {:.3} {} {:?}", u.place_mm, u.area_mm2, u.island, u.reason);
+            }
+            println!(
+                "needs {} area {:.1} regions {}",
+                seen.demand.needs.len(),
+                seen.demand.area_mm2,
+                seen.demand.regions
+            );
         }
         sums.tips[k][m] += f64::from(tally.tips);
         sums.volume[k][m] += volume;

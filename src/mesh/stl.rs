@@ -6,9 +6,10 @@
 //! The normals of the file are not read: those that follow from the order of the
 //! corners are what every slicer goes by. Knows no mesh.
 use super::plain_text::PlainLines;
+use super::vector::{cross, length, sub};
 use serde::Serialize;
 use std::cell::Cell;
-use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
+use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom, Write};
 
 /// Bytes before the first triangle of a binary file: a header of 80, a count of 4.
 const HEAD_BYTES: u64 = 84;
@@ -47,6 +48,24 @@ pub struct Source {
     pub trailing: u64,
     /// An ASCII file ended without `endsolid`, at the end of a facet: it may be cut short.
     pub endsolid_missing: bool,
+}
+
+/// A triangle's corners, mm, counter-clockwise from outside.
+pub type Triangle = [[f32; 3]; 3];
+
+/// Writes triangles as a binary STL file, with the normals that follow from their corners.
+///
+/// # Errors
+/// The writer's own.
+pub fn write(out: &mut impl Write, triangles: &[Triangle]) -> std::io::Result<()> {
+    let triangle = |t: &Triangle| {
+        let [a, b, c] = t.map(|p| p.map(f64::from));
+        let n = cross(sub(b, a), sub(c, a));
+        let long = length(n);
+        let n = if long > 0.0 { n.map(|c| (c / long) as f32) } else { [0.0; 3] };
+        stl_io::Triangle { normal: stl_io::Normal::new(n), vertices: t.map(stl_io::Vertex::new) }
+    };
+    stl_io::write_stl(out, triangles.iter().map(triangle))
 }
 
 /// Why a file is no STL, or none that can be read.

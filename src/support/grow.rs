@@ -41,8 +41,7 @@ impl PartialOrd for Offer {
 pub(super) fn join(skeleton: &mut Skeleton<'_>) {
     let all = 0..skeleton.knots.len();
     let mut lowest: Vec<usize> = all.filter(|k| skeleton.may_join(*k)).collect();
-    let first: Vec<Vec<Offer>> =
-        lowest.par_iter().map(|a| offers(skeleton, *a, &lowest)).collect();
+    let first: Vec<Vec<Offer>> = lowest.par_iter().map(|a| offers(skeleton, *a, &lowest)).collect();
     let mut queue: BinaryHeap<Offer> = first.into_iter().flatten().collect();
     while let Some(Offer { pair: [a, b], meeting, .. }) = queue.pop() {
         if skeleton.knots[a].down.is_some() || skeleton.knots[b].down.is_some() {

@@ -4,8 +4,8 @@
 //! each branch is tried on the other branches and ways near it, and on a way of its own.
 //! What is cheaper when all that it changes is counted stays. A round that gains less than
 //! one part in a thousand is the last.
-use super::skeleton::{Knot, Skeleton};
 use super::site::Way;
+use super::skeleton::{Knot, Skeleton};
 use super::tree::{distance, leans_within};
 
 /// Rounds at most.
@@ -56,7 +56,10 @@ struct Goal {
 impl Skeleton<'_> {
     /// Cost of everything, mm³.
     pub(super) fn cost(&self) -> f64 {
-        (0..self.knots.len()).filter(|k| self.knots[*k].alive && self.knots[*k].down.is_none()).map(|k| self.tree_cost(k)).sum()
+        (0..self.knots.len())
+            .filter(|k| self.knots[*k].alive && self.knots[*k].down.is_none())
+            .map(|k| self.tree_cost(k))
+            .sum()
     }
 
     fn root(&self, mut k: usize) -> usize {
@@ -106,7 +109,8 @@ impl Skeleton<'_> {
             if to[2] <= self.site.rules.foot_height_mm {
                 continue;
             }
-            let fits = self.knots[k].ups.iter().all(|up| leans_within(self.knots[*up].at_mm, to, self.site.slope));
+            let fits =
+                self.knots[k].ups.iter().all(|up| leans_within(self.knots[*up].at_mm, to, self.site.slope));
             if !fits {
                 continue;
             }
@@ -180,7 +184,8 @@ impl Skeleton<'_> {
                 continue;
             }
             let other_root = self.root(goal.above);
-            let before = self.tree_cost(own_root) + if other_root == own_root { 0.0 } else { self.tree_cost(other_root) };
+            let before = self.tree_cost(own_root)
+                + if other_root == own_root { 0.0 } else { self.tree_cost(other_root) };
             let kept = self.keep(k, goal.above);
             let count = self.knots.len();
             if self.lead(k, goal) {

@@ -41,7 +41,13 @@ pub struct Plan {
 
 /// Plans supports. The same input gives the same plan.
 #[must_use]
-pub fn plan(demand: &Demand, space: &Clearance, rules: &Rules, placing: Placing, branching: Branching) -> Plan {
+pub fn plan(
+    demand: &Demand,
+    space: &Clearance,
+    rules: &Rules,
+    placing: Placing,
+    branching: Branching,
+) -> Plan {
     let site = Site::new(space, rules);
     let points = match placing {
         Placing::Fixed => fixed(demand, &site, rules),
@@ -61,12 +67,7 @@ pub fn plan(demand: &Demand, space: &Clearance, rules: &Rules, placing: Placing,
     unheld.extend(lost.into_iter().map(|k| {
         let tip = &points.tips[k];
         let need = &demand.needs[tip.need as usize];
-        Unheld {
-            place_mm: need.at_mm,
-            area_mm2: tip.area_mm2,
-            island: need.island,
-            reason: Reason::NoFloor,
-        }
+        Unheld { place_mm: need.at_mm, area_mm2: tip.area_mm2, island: need.island, reason: Reason::NoFloor }
     }));
     Plan { forest, points, unheld }
 }

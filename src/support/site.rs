@@ -30,8 +30,12 @@ impl Reason {
     pub fn words(self) -> &'static str {
         match self {
             Reason::NoRoom => "no room for a tip and its branch between the surfaces of the part",
-            Reason::Enclosed => "enclosed by the part: no way to the plate, and feet on the part are not allowed",
-            Reason::NoFloor => "enclosed by the part: neither a way to the plate nor room for a foot on the part",
+            Reason::Enclosed => {
+                "enclosed by the part: no way to the plate, and feet on the part are not allowed"
+            }
+            Reason::NoFloor => {
+                "enclosed by the part: neither a way to the plate nor room for a foot on the part"
+            }
         }
     }
 }
