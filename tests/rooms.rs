@@ -12,12 +12,14 @@ const RULES: &[(&str, &[&str])] = &[
     ("resin", &["units"]),
     ("layers", &["mesh", "resin", "units"]),
     ("detect", &["layers", "mesh", "units"]),
+    ("support", &["layers", "detect", "mesh", "units"]),
+    ("merge", &["support", "layers", "mesh", "units"]),
     ("toolpath", &["units"]),
     ("profile", &["units"]),
     ("printer", &["units"]),
     ("job", &["printer", "units"]),
     ("post", &["toolpath", "units"]),
-    ("report", &["detect", "layers", "post", "toolpath", "units"]),
+    ("report", &["detect", "layers", "post", "support", "toolpath", "units"]),
 ];
 
 /// A crate or module of the outside, and the only places that may name it.

@@ -2,7 +2,7 @@
 //!
 //! The file's content says what it is, never its name. What was found is told as a
 //! table, as JSON and as pictures; findings are no failure unless `--fail-on` says so.
-mod flags;
+pub(super) mod flags;
 mod kind;
 mod material;
 mod output;

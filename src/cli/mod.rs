@@ -19,6 +19,7 @@ mod print;
 mod profile;
 mod progress;
 mod serial;
+mod support;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -38,6 +39,7 @@ struct Cli {
 enum Verb {
     Demo(demo::Args),
     Check(check::Args),
+    Support(support::Args),
     Post(post::Args),
     Print(print::Args),
     Jobs(jobs::Args),
@@ -60,6 +62,7 @@ pub fn main() -> ExitCode {
     let done = match cli.verb {
         Verb::Demo(args) => demo::run(&args),
         Verb::Check(args) => check::run(&args),
+        Verb::Support(args) => support::run(&args),
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
         Verb::Jobs(args) => jobs::run(args),

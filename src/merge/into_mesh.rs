@@ -105,7 +105,7 @@ mod tests {
         let mut file = Vec::new();
         mesh::stl::write(&mut file, &triangles(&forest)).expect("written");
         let (mesh, report) = mesh::read(&mut Cursor::new(file)).expect("a mesh");
-        assert!(report.is_closed(), "{report:?}");
+        assert!(report.mended.is_closed(), "{report:?}");
         assert_eq!(report.mended.done(), Vec::<String>::new());
         // Cones of 16 corners, and halves of balls at the joints.
         let cones = forest.volume_mm3();

@@ -2,3 +2,4 @@
 //!
 //! Takes a forest of [`crate::support`], gives it in the form of the job. Plans nothing.
 pub mod into_mesh;
+pub mod together;

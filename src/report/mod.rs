@@ -12,6 +12,7 @@
 //! - `svg`: numbers, text and colours as SVG has them
 //! - [`check`]: what a check found, as JSON
 //! - [`survey`]: a checked job as pictures and as a page
+//! - [`support`]: what supports amount to, as JSON and as a table
 //! - `canvas`: one drawing as SVG or PNG
 mod canvas;
 pub mod check;
@@ -21,5 +22,6 @@ mod legend;
 mod panel;
 pub mod paths;
 pub mod strokes;
+pub mod support;
 pub mod survey;
 mod svg;

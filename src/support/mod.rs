@@ -14,6 +14,7 @@
 //! - [`points`]: where tips stand
 //! - `skeleton`: branches that are still laid out; `vanek`, `grow` and `improve` lay them
 //! - [`tree`]: what comes out; [`rules`]: what it must be like
+//! - [`look`] and [`plan`]: from layers to needs, from needs to trees; [`proof`]: whether it is so
 //! - [`section`]: what of it lies in a layer; [`cut`]: a forest as such
 pub mod clearance;
 pub mod cut;
@@ -23,6 +24,7 @@ mod improve;
 pub mod look;
 pub mod plan;
 pub mod points;
+pub mod proof;
 pub mod rules;
 pub mod section;
 pub mod site;

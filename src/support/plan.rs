@@ -5,7 +5,7 @@ use super::points::{Points, Unheld, cover, fixed};
 use super::rules::Rules;
 use super::site::{Reason, Site};
 use super::skeleton::Skeleton;
-use super::tree::Forest;
+use super::tree::{Forest, distance};
 use super::{grow, improve, vanek};
 
 /// How tips are placed.
@@ -37,6 +37,8 @@ pub struct Plan {
     pub points: Points,
     /// What cannot be held, the lowest first.
     pub unheld: Vec<Unheld>,
+    /// Every place of it, mm.
+    pub unheld_mm: Vec<[f64; 3]>,
 }
 
 /// Plans supports. The same input gives the same plan.
@@ -64,10 +66,18 @@ pub fn plan(
     }
     let forest = skeleton.forest();
     let mut unheld = points.unheld.clone();
+    let mut unheld_mm: Vec<[f64; 3]> =
+        points.unheld_needs.iter().map(|k| demand.needs[*k as usize].at_mm).collect();
+    for k in &lost {
+        // All that this tip would have held.
+        let at = demand.needs[points.tips[*k].need as usize].at_mm;
+        let near = demand.needs.iter().map(|n| n.at_mm).filter(|n| distance(*n, at) <= rules.spacing_mm);
+        unheld_mm.extend(near);
+    }
     unheld.extend(lost.into_iter().map(|k| {
         let tip = &points.tips[k];
         let need = &demand.needs[tip.need as usize];
         Unheld { place_mm: need.at_mm, area_mm2: tip.area_mm2, island: need.island, reason: Reason::NoFloor }
     }));
-    Plan { forest, points, unheld }
+    Plan { forest, points, unheld, unheld_mm }
 }

@@ -50,6 +50,8 @@ pub struct Points {
     pub tips: Vec<Tip>,
     /// What cannot be held, a region each.
     pub unheld: Vec<Unheld>,
+    /// Needs that no tip holds, each of them.
+    pub unheld_needs: Vec<u32>,
     /// No choice of tips would be smaller than this.
     pub at_least: u32,
 }
@@ -178,11 +180,13 @@ impl<'a> Field<'a> {
             }
         }
         let mut unheld: FxHashMap<u32, Unheld> = FxHashMap::default();
+        let mut unheld_needs = Vec::new();
         for (k, (need, (_, tip))) in needs.iter().zip(&nearest).enumerate() {
             if let Some(area) = area.get_mut(*tip as usize) {
                 *area += need.area_mm2;
                 continue;
             }
+            unheld_needs.push(k as u32);
             let reason = self.heads[k].err().unwrap_or(Reason::NoRoom);
             let first = Unheld { place_mm: need.at_mm, area_mm2: 0.0, island: false, reason };
             let of = unheld.entry(need.region).or_insert(first);
@@ -202,7 +206,7 @@ impl<'a> Field<'a> {
             key(a).partial_cmp(&key(b)).unwrap_or(Ordering::Equal)
         });
         let tips = chosen.iter().zip(area).filter_map(tip).collect();
-        Points { tips, unheld, at_least: self.at_least() }
+        Points { tips, unheld, unheld_needs, at_least: self.at_least() }
     }
 
     /// Needs so far apart that each wants a tip of its own, taken as they come.

@@ -6,29 +6,29 @@ use clap::{Args as ClapArgs, ValueEnum};
 use std::path::{Path, PathBuf};
 
 /// Layer height of a model when none is given, mm.
-pub(super) const LAYER_MM: f64 = 0.2;
+pub(in crate::cli) const LAYER_MM: f64 = 0.2;
 
 /// Side of a pixel of the image method when none is given, mm.
-pub(super) const PIXEL_MM: f64 = 0.02;
+pub(in crate::cli) const PIXEL_MM: f64 = 0.02;
 
 /// Finest pixel of the image method, mm.
 const PIXEL_MIN_MM: f64 = 0.001;
 
 /// How a model is placed and cut.
 #[derive(ClapArgs, Debug)]
-pub(super) struct Model {
+pub(in crate::cli) struct Model {
     /// Thickness of the layers [default: 0.2]
     #[arg(long, value_name = "MM", value_parser = layer_height)]
-    pub(super) layer_height: Option<f64>,
+    pub(in crate::cli) layer_height: Option<f64>,
     /// Thickness of the first layer [default: that of the others]
     #[arg(long, value_name = "MM", value_parser = layer_height)]
-    pub(super) first_layer_height: Option<f64>,
+    pub(in crate::cli) first_layer_height: Option<f64>,
     /// Turn the model by degrees about the X, then the Y, then the Z axis
     #[arg(long, value_name = "X,Y,Z", value_parser = angles, allow_hyphen_values = true)]
-    pub(super) rotate: Option<[f64; 3]>,
+    pub(in crate::cli) rotate: Option<[f64; 3]>,
     /// Scale the model to this height, after turning it
     #[arg(long, value_name = "MM", value_parser = positive)]
-    pub(super) height_mm: Option<f64>,
+    pub(in crate::cli) height_mm: Option<f64>,
 }
 
 /// What counts as held.
@@ -79,15 +79,15 @@ fn layer_height(text: &str) -> Result<f64, String> {
     within(text, |mm| range.contains(&mm), &format!("from {MIN_LAYER_MM} to {MAX_LAYER_MM} mm"))
 }
 
-pub(super) fn positive(text: &str) -> Result<f64, String> {
+pub(in crate::cli) fn positive(text: &str) -> Result<f64, String> {
     within(text, |mm| mm > 0.0, "more than 0")
 }
 
-fn not_negative(text: &str) -> Result<f64, String> {
+pub(in crate::cli) fn not_negative(text: &str) -> Result<f64, String> {
     within(text, |mm| mm >= 0.0, "0 or more")
 }
 
-fn slope(text: &str) -> Result<f64, String> {
+pub(in crate::cli) fn slope(text: &str) -> Result<f64, String> {
     within(text, |deg| (0.0..90.0).contains(&deg), "from 0 to less than 90")
 }
 

@@ -1,0 +1,145 @@
+//! The proof: detection again, on the result.
+//!
+//! Takes the layers of what will be printed, part and supports together, and what was
+//! promised of them. Looks with the same detectors as before, at other polygons: those of
+//! the result, read anew. Nothing of the plan is believed but where its tips should be.
+//!
+//! It holds when
+//! - no island of the part is left but those that were told as not to be held,
+//! - no support is itself an island (paper 003, section 4.3),
+//! - each tip is there, right under what it holds,
+//! - each overhanging place is within the spacing of a tip, or was told as not to be held.
+use super::demand::Gather;
+use super::plan::Plan;
+use super::rules::Rules;
+use super::tree::{Kind, distance};
+use crate::detect::island::Island;
+use crate::detect::overhang::{Growth, SelfSupport};
+use crate::detect::walk::{Ask, LayerAsk, Seen, Watch, walk};
+use crate::layers::shape::{Place, Point};
+use crate::layers::stack::Layers;
+
+/// A place that a cell of the demand stands for may lie a cell off, and another one in the
+/// result.
+const CELLS_OFF: f64 = 2.0;
+
+/// Demand is gathered in this part of the spacing.
+const CELLS: f64 = 4.0;
+
+/// What does not hold.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Proof {
+    /// Islands that are left and were not told, mm.
+    pub islands_mm: Vec<[f64; 3]>,
+    /// Supports that begin in the air, mm.
+    pub floating_mm: Vec<[f64; 3]>,
+    /// Tips that are not there, mm.
+    pub missing_tips_mm: Vec<[f64; 3]>,
+    /// Overhanging places too far from every tip that were not told, mm.
+    pub far_mm: Vec<[f64; 3]>,
+    /// Area of these, mm².
+    pub far_mm2: f64,
+}
+
+impl Proof {
+    /// Whether all holds.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.islands_mm.is_empty()
+            && self.floating_mm.is_empty()
+            && self.missing_tips_mm.is_empty()
+            && self.far_mm.is_empty()
+    }
+
+    /// What does not hold, for people; empty where all does.
+    #[must_use]
+    pub fn words(&self) -> Vec<String> {
+        let told = |what: &str, places: &[[f64; 3]]| {
+            let at = places.first()?;
+            let more =
+                if places.len() > 1 { format!(" and {} more", places.len() - 1) } else { String::new() };
+            Some(format!("{what} at X {:.1} Y {:.1} Z {:.2}{more}", at[0], at[1], at[2]))
+        };
+        [
+            ("an island is left", &self.islands_mm),
+            ("a support begins in the air", &self.floating_mm),
+            ("a tip is missing", &self.missing_tips_mm),
+            ("an overhang is too far from every tip", &self.far_mm),
+        ]
+        .into_iter()
+        .filter_map(|(what, places)| told(what, places))
+        .collect()
+    }
+}
+
+/// Tips that are looked for while layers pass, the lowest first.
+struct Tips {
+    left: Vec<[f64; 3]>,
+    at: usize,
+    missing: Vec<[f64; 3]>,
+    gather: Gather,
+}
+
+impl Watch for Tips {
+    fn layer(&mut self, seen: &Seen<'_>) {
+        let layer = seen.layer;
+        while let Some(tip) = self.left.get(self.at).filter(|t| t[2] < layer.top_mm - 1e-9) {
+            let there = layer.aid.place(Point::from_mm(tip[0], tip[1])) != Place::Outside;
+            if !there {
+                self.missing.push(*tip);
+            }
+            self.at += 1;
+        }
+        self.gather.layer(seen);
+    }
+}
+
+/// Looks at the result. `layers` have the supports as their aid, raised by the gap where
+/// there is one, so that a tip meets what it holds.
+///
+/// # Errors
+/// Those of the layers' source.
+pub fn prove<L: Layers>(
+    layers: &mut L,
+    plan: &Plan,
+    rules: &Rules,
+    own: SelfSupport,
+    layer_mm: f64,
+) -> Result<Proof, L::Error> {
+    let raised_mm = rules.gap_mm.max(0.0);
+    let contacts: Vec<[f64; 3]> =
+        plan.forest.nodes.iter().filter(|n| n.kind == Kind::Tip).map(|n| n.at_mm).collect();
+    // A tip is looked for in the layer that holds the place just below its contact.
+    let mut left: Vec<[f64; 3]> =
+        contacts.iter().map(|t| [t[0], t[1], (t[2] + raised_mm - layer_mm / 2.0).max(0.0)]).collect();
+    left.sort_by(|a, b| a[2].total_cmp(&b[2]));
+    let gather = Gather::new(rules.spacing_mm / CELLS);
+    let mut tips = Tips { left, at: 0, missing: Vec::new(), gather };
+    let ask = Ask {
+        min_island_mm2: own.min_area_mm2,
+        layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),
+        image: None,
+    };
+    let found = walk(layers, &ask, &mut tips)?;
+    let off = CELLS_OFF * rules.spacing_mm / CELLS;
+    let told = |at: [f64; 3]| plan.unheld_mm.iter().any(|u| distance(*u, at) <= off);
+    let place = |i: &Island| [i.centroid_mm[0], i.centroid_mm[1], i.z_mm];
+    let demand = tips.gather.finish(&found.islands.islands, own.min_area_mm2);
+    let reach = rules.spacing_mm + off;
+    let far: Vec<_> = demand
+        .needs
+        .iter()
+        .filter(|n| !n.island && !told(n.at_mm))
+        .filter(|n| {
+            let held = |t: &[f64; 3]| distance([t[0], t[1], t[2] + raised_mm], n.at_mm) <= reach;
+            !contacts.iter().any(held)
+        })
+        .collect();
+    Ok(Proof {
+        islands_mm: found.islands.islands.iter().map(place).filter(|at| !told(*at)).collect(),
+        floating_mm: found.islands.floating_aid.iter().map(place).collect(),
+        missing_tips_mm: tips.missing,
+        far_mm2: far.iter().map(|n| n.area_mm2).sum(),
+        far_mm: far.into_iter().map(|n| n.at_mm).collect(),
+    })
+}
