@@ -20,13 +20,15 @@ pub fn triangles(forest: &Forest) -> Vec<Triangle> {
     for node in &forest.nodes {
         let Some(down) = forest.nodes.get(node.down as usize) else { continue };
         let round = [node, down].map(|n| n.kind == Kind::Joint);
-        body([node.at_mm, down.at_mm], [node.radius_mm, down.radius_mm], round, &mut found);
+        let ground_mm = forest.ground_mm(down);
+        body([node.at_mm, down.at_mm], [node.radius_mm, down.radius_mm], round, ground_mm, &mut found);
     }
     found
 }
 
-/// Adds a branch from its upper to its lower end.
-fn body(ends: [[f64; 3]; 2], radii: [f64; 2], round: [bool; 2], found: &mut Vec<Triangle>) {
+/// Adds a branch from its upper to its lower end; what would reach below the ground is pressed
+/// flat upon it.
+fn body(ends: [[f64; 3]; 2], radii: [f64; 2], round: [bool; 2], ground_mm: f64, found: &mut Vec<Triangle>) {
     let along = [0, 1, 2].map(|k| ends[1][k] - ends[0][k]);
     let length = along.iter().map(|c| c * c).sum::<f64>().sqrt();
     if length < 1e-6 {
@@ -57,7 +59,8 @@ fn body(ends: [[f64; 3]; 2], radii: [f64; 2], round: [bool; 2], found: &mut Vec<
         [0, 1, 2].map(|k| ends[0][k] + axis[k] * at + v[k] * c + w[k] * s)
     };
     let centre = |at: f64| [0, 1, 2].map(|k| ends[0][k] + axis[k] * at);
-    let mut put = |corners: [[f64; 3]; 3]| found.push(corners.map(|p| p.map(|c| c as f32)));
+    let above = |p: [f64; 3]| [p[0], p[1], p[2].max(ground_mm)].map(|c| c as f32);
+    let mut put = |corners: [[f64; 3]; 3]| found.push(corners.map(above));
     let last = rings.len() - 1;
     for k in 0..CORNERS {
         let next = (k + 1) % CORNERS;

@@ -285,9 +285,24 @@ impl Clearance {
     /// The highest place of the part straight below a place, mm; `None`: the plate.
     #[must_use]
     pub fn floor_mm(&self, at: [f64; 3]) -> Option<f64> {
-        let cell = self.grid.cell([at[0], at[1]]);
+        self.floor_of(self.grid.cell([at[0], at[1]]), at[2])
+    }
+
+    /// Whether what is straight below a place is wide enough to stand on, and not too steep:
+    /// the cells around are about as high.
+    #[must_use]
+    pub fn is_floor(&self, at: [f64; 3]) -> bool {
+        let [x, y] = self.grid.cell([at[0], at[1]]);
+        let Some(floor) = self.floor_of([x, y], at[2]) else { return false };
+        [[1, 0], [-1, 0], [0, 1], [0, -1]].into_iter().all(|[dx, dy]| {
+            let near = self.floor_of([x + dx, y + dy], at[2]);
+            near.is_some_and(|near| (near - floor).abs() <= self.grid.slab_mm * 1.5)
+        })
+    }
+
+    fn floor_of(&self, cell: [i64; 2], z_mm: f64) -> Option<f64> {
         let index = self.grid.index(cell[0], cell[1])?;
-        let below = self.grid.slab(at[2]).min(self.tops.len());
+        let below = self.grid.slab(z_mm).min(self.tops.len());
         let slab = (0..below).rev().find(|slab| self.tops[*slab][index] > 0)?;
         Some((slab as f64 + f64::from(self.tops[slab][index]) / 255.0) * self.grid.slab_mm)
     }
@@ -326,7 +341,7 @@ impl Clearance {
             };
             slabs.push(next);
         }
-        Reach { grid: self.grid, words, step, slabs }
+        Reach { grid: self.grid, words, step, slope, slabs }
     }
 }
 
@@ -369,6 +384,7 @@ pub struct Reach {
     grid: Grid,
     words: usize,
     step: i64,
+    slope: f64,
     slabs: Vec<Vec<u64>>,
 }
 
@@ -408,6 +424,11 @@ impl Reach {
             // Where the slab above ends it goes aside, within the height of a slab.
             let z = ((slab + 2) as f64 * self.grid.slab_mm).min(from[2]);
             let aside = ((slab + 1) as f64 * self.grid.slab_mm).min(z);
+            let far = (0..2).map(|k| ((found[k] - cell[k]) as f64).powi(2)).sum::<f64>().sqrt();
+            if far * self.grid.cell_mm > (z - aside) * self.slope + 1e-9 {
+                // It begins too low in its slab to go aside in time.
+                return None;
+            }
             if z < from[2] {
                 way.push([at[0], at[1], z]);
             }
@@ -430,5 +451,118 @@ impl Reach {
             .filter(|d| self.has(slab, [cell[0] + d[0], cell[1] + d[1]]))
             .min_by_key(|d| (d[0] * d[0] + d[1] * d[1], d[1], d[0]))
             .map(|d| [cell[0] + d[0], cell[1] + d[1]])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::support::testing::{layers, region};
+    use proptest::prelude::*;
+
+    /// A wall 2 mm thick with a roof over what is to its right, 10 mm up.
+    fn nook() -> Clearance {
+        let bounds = Bounds { min: Point::from_mm(0.0, 0.0), max: Point::from_mm(12.0, 10.0) };
+        let mut drawing = Drawing::new(bounds, 12.0);
+        let all = layers(60, 0.2, |z| match z {
+            z if z < 10.0 => region(&[[0.0, 0.0, 2.0, 10.0]]),
+            _ => region(&[[0.0, 0.0, 12.0, 10.0]]),
+        });
+        all.chunks(7).for_each(|batch| drawing.add(batch));
+        drawing.finish()
+    }
+
+    #[test]
+    fn distances_are_those_to_the_part() {
+        let space = nook();
+        let check = |at: [f64; 3], expect: f64| {
+            let away = space.away_mm(at);
+            assert!((away - expect).abs() <= 1.5 * space.cell_mm(), "{at:?}: {away} for {expect}");
+        };
+        check([5.0, 5.0, 3.0], 3.0);
+        check([2.5, 5.0, 3.0], 0.5);
+        check([-3.0, 5.0, 3.0], 3.0);
+        check([-3.0, -4.0, 3.0], 5.0);
+        check([5.0, 5.0, 11.0], 0.0);
+        assert!(space.away_mm([5.0, 5.0, 13.0]) > 3.0, "nothing is above the part");
+        assert!(space.away_mm([100.0, 5.0, 3.0]) < 0.0, "outside nothing is free");
+        let at = |z| [5.0, 5.0, z];
+        assert!(space.is_clear(at(9.0), at(0.0), [2.0, 2.0]));
+        assert!(!space.is_clear(at(11.0), at(0.0), [0.1, 0.1]));
+        assert!(!space.is_clear([1.0, 5.0, 9.0], at(1.0), [0.1, 0.1]));
+    }
+
+    #[test]
+    fn floors_are_what_is_below() {
+        let space = nook();
+        let floor = |x: f64, z: f64| space.floor_mm([x, 5.0, z]);
+        assert_eq!(floor(5.0, 9.0), None);
+        assert!((floor(5.0, 13.0).unwrap() - 12.0).abs() < 0.05);
+        assert!((floor(1.0, 13.0).unwrap() - 12.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn what_is_walled_in_does_not_reach_the_plate() {
+        // A cup, open above, and beside it a chimney that leans away.
+        let bounds = Bounds { min: Point::from_mm(0.0, 0.0), max: Point::from_mm(20.0, 20.0) };
+        let mut drawing = Drawing::new(bounds, 10.0);
+        let cup = layers(50, 0.2, |z| {
+            let walls = [
+                [0.0, 0.0, 20.0, 1.0],
+                [0.0, 19.0, 20.0, 20.0],
+                [0.0, 0.0, 1.0, 20.0],
+                [19.0, 0.0, 20.0, 20.0],
+            ];
+            if z < 1.0 { region(&[[0.0, 0.0, 20.0, 20.0]]) } else { region(&walls) }
+        });
+        drawing.add(&cup);
+        let space = drawing.finish();
+        let reach = space.reach(0.5, 1.0);
+        let check = |at: [f64; 3], expect: bool| {
+            assert_eq!(reach.reaches(at), expect, "{at:?}");
+            assert_eq!(reach.way(at, 0.5).is_some(), expect, "{at:?}");
+        };
+        check([10.0, 10.0, 5.0], false);
+        check([10.0, 10.0, 30.0], false);
+        check([22.0, 10.0, 5.0], true);
+        check([-2.0, -2.0, 9.0], true);
+        assert!((space.floor_mm([10.0, 10.0, 5.0]).unwrap() - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn a_way_goes_round_what_is_below() {
+        // A plate in the air, 10 mm wide, at 10 mm, and a post beside it.
+        let bounds = Bounds { min: Point::from_mm(0.0, 0.0), max: Point::from_mm(30.0, 10.0) };
+        let mut drawing = Drawing::new(bounds, 20.0);
+        drawing.add(&layers(100, 0.2, |z| match z {
+            z if z > 10.0 && z < 11.0 => region(&[[0.0, 0.0, 10.0, 10.0], [28.0, 0.0, 30.0, 2.0]]),
+            _ => region(&[[28.0, 0.0, 30.0, 2.0]]),
+        }));
+        let space = drawing.finish();
+        let reach = space.reach(0.5, 1.0);
+        let way = reach.way([8.0, 5.0, 16.0], 0.5).expect("a way");
+        let last = way.last().unwrap();
+        assert!(last[0] > 10.4 && last[2] == 0.5, "{way:?}");
+        assert!(way.windows(2).all(|w| w[0][2] >= w[1][2]), "it only goes down: {way:?}");
+        assert_eq!(reach.way([5.0, 5.0, 12.0], 0.5), None, "too close above to lean past it");
+    }
+
+    proptest! {
+        /// Distances are those of all pairs of cells.
+        #[test]
+        fn distances_are_exact(cells in prop::collection::vec(any::<prop::sample::Index>(), 0..12), wide in 1..24_usize, deep in 1..24_usize) {
+            let grid = Grid { origin: [0.0; 2], cell_mm: 0.2, slab_mm: 0.4, size: [wide, deep] };
+            let mut picture = vec![0_u8; wide * deep];
+            cells.iter().for_each(|c| picture[c.index(wide * deep)] = 1);
+            let found = grid.distances(&picture);
+            for (k, found) in found.iter().enumerate() {
+                let apart = |o: usize| {
+                    let d = [(k % wide).abs_diff(o % wide), (k / wide).abs_diff(o / wide)];
+                    ((d[0] * d[0] + d[1] * d[1]) as f64).sqrt()
+                };
+                let least = (0..picture.len()).filter(|o| picture[*o] > 0).map(apart).fold(f64::INFINITY, f64::min);
+                prop_assert_eq!(*found, (least * PARTS).min(255.0) as u8);
+            }
+        }
     }
 }

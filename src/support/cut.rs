@@ -47,8 +47,7 @@ impl Cuts {
                 Branch { ends_mm: [node.at_mm, down.at_mm], radii_mm: [node.radius_mm, down.radius_mm] };
             let high = node.at_mm[2] + if tip { 0.0 } else { node.radius_mm };
             let high = high.max(down.at_mm[2]);
-            let foot = matches!(down.kind, Kind::Plate | Kind::Model);
-            let low = down.at_mm[2] - if foot { 0.0 } else { down.radius_mm };
+            let low = (down.at_mm[2] - down.radius_mm).max(forest.ground_mm(down));
             pieces.push(Piece { branch, z_mm: [low.max(0.0), high], tip });
         }
         let top_mm = pieces.iter().map(|p| p.z_mm[1]).fold(0.0, f64::max);

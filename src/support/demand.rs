@@ -223,3 +223,87 @@ fn join(needs: &mut [Need], cell_mm: f64) -> u32 {
     needs.iter_mut().zip(region).for_each(|(need, region)| need.region = region);
     count
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layers::shape::Region;
+    use crate::support::rules::{Process, Rules};
+    use crate::support::testing::{layers, region, seen};
+
+    fn demand(part: impl Fn(f64) -> Region) -> Demand {
+        let rules = Rules::usual(Process::Resin, 0.1);
+        seen(layers(100, 0.1, part), &rules).demand
+    }
+
+    #[test]
+    fn what_stands_needs_nothing() {
+        let found = demand(|_| region(&[[0.0, 0.0, 5.0, 5.0]]));
+        assert_eq!((found.needs.len(), found.area_mm2, found.regions), (0, 0.0, 0));
+    }
+
+    #[test]
+    fn an_island_is_a_need_at_its_lowest_layer_and_its_centroid() {
+        // A post, and a block that hangs from a roof.
+        let found = demand(|z| match z {
+            z if z < 4.0 => region(&[[0.0, 0.0, 2.0, 2.0]]),
+            z if z < 8.0 => region(&[[0.0, 0.0, 2.0, 2.0], [6.0, 0.0, 8.0, 2.0]]),
+            _ => region(&[[0.0, 0.0, 8.0, 2.0]]),
+        });
+        let first = found.needs[0];
+        assert!(first.island);
+        assert_eq!(found.needs.iter().filter(|n| n.island).count(), 1);
+        for (got, expect) in first.at_mm.iter().zip([7.0, 1.0, 4.0]) {
+            assert!((got - expect).abs() < 1e-9, "{first:?}");
+        }
+        // The island's underside; the roof between post and block is a bridge of 4 mm.
+        let of =
+            |region: u32| found.needs.iter().filter(|n| n.region == region).map(|n| n.area_mm2).sum::<f64>();
+        assert!((of(first.region) - 4.0).abs() < 1e-6, "{}", of(first.region));
+        assert_eq!(found.regions, 2);
+        let roof = found.area_mm2 - of(first.region);
+        assert!(roof > 6.0 && roof < 8.0, "{roof}: 4 × 2 mm, but for what leans over from both ends");
+    }
+
+    #[test]
+    fn an_island_that_is_hollow_is_held_inside_its_rim() {
+        let found = demand(|z| {
+            let ring =
+                [[0.0, 0.0, 9.0, 1.0], [0.0, 8.0, 9.0, 9.0], [0.0, 0.0, 1.0, 9.0], [8.0, 0.0, 9.0, 9.0]];
+            if z > 3.0 { region(&ring) } else { Region::default() }
+        });
+        let [x, y, z] = found.needs[0].at_mm;
+        assert!((z - 3.0).abs() < 1e-9, "{z}");
+        assert!(x < 1.0 || x > 8.0 || y < 1.0 || y > 8.0, "{x} {y}");
+    }
+
+    #[test]
+    fn all_of_an_underside_is_near_a_need() {
+        let found =
+            demand(
+                |z| if z < 5.0 { region(&[[0.0, 0.0, 1.0, 1.0]]) } else { region(&[[0.0, 0.0, 20.0, 6.0]]) },
+            );
+        for x in 0..40 {
+            for y in 0..12 {
+                let at = [0.25 + 0.5 * f64::from(x), 0.25 + 0.5 * f64::from(y), 5.0];
+                if at[0] < 1.2 && at[1] < 1.2 {
+                    continue;
+                }
+                let apart = |n: &Need| (0..3).map(|k| (n.at_mm[k] - at[k]).powi(2)).sum::<f64>().sqrt();
+                let least = found.needs.iter().map(apart).fold(f64::INFINITY, f64::min);
+                assert!(least < 2.0 * found.cell_mm, "{at:?}: {least}");
+            }
+        }
+        assert!((found.area_mm2 - 119.0).abs() < 1.0, "{}", found.area_mm2);
+    }
+
+    #[test]
+    fn specks_need_nothing() {
+        // 0.2 × 0.2 mm, less than the smallest area that counts.
+        let found = demand(|z| {
+            let speck = if z > 3.0 && z < 3.3 { [[5.0, 5.0, 5.2, 5.2]] } else { [[0.0, 0.0, 1.0, 1.0]] };
+            region(&[speck[0], [0.0, 0.0, 1.0, 1.0]])
+        });
+        assert!(found.needs.is_empty(), "{:?}", found.needs);
+    }
+}

@@ -29,5 +29,7 @@ pub mod rules;
 pub mod section;
 pub mod site;
 mod skeleton;
+#[cfg(test)]
+mod testing;
 pub mod tree;
 mod vanek;

@@ -41,6 +41,13 @@ pub struct Plan {
     pub unheld_mm: Vec<[f64; 3]>,
 }
 
+type Join = for<'a> fn(&mut Skeleton<'a>);
+
+fn joined<'a>(mut skeleton: Skeleton<'a>, join: Join) -> Skeleton<'a> {
+    join(&mut skeleton);
+    skeleton
+}
+
 /// Plans supports. The same input gives the same plan.
 #[must_use]
 pub fn plan(
@@ -55,16 +62,22 @@ pub fn plan(
         Placing::Fixed => fixed(demand, &site, rules),
         Placing::Cover => cover(demand, &site, rules),
     };
-    let (mut skeleton, lost) = Skeleton::new(&site, &points);
-    match branching {
-        Branching::Straight => {}
-        Branching::Vanek => vanek::join(&mut skeleton),
+    let (skeleton, lost) = Skeleton::new(&site, &points);
+    let forest = match branching {
+        Branching::Straight => skeleton,
+        Branching::Vanek => joined(skeleton, vanek::join),
         Branching::Tree => {
-            grow::join(&mut skeleton);
-            improve::improve(&mut skeleton);
+            // Two beginnings lead to two ends: the cheaper one.
+            let made = [grow::join as Join, vanek::join].map(|join| {
+                let mut skeleton = joined(skeleton.clone(), join);
+                improve::improve(&mut skeleton);
+                skeleton
+            });
+            let [a, b] = made;
+            if b.cost() < a.cost() { b } else { a }
         }
     }
-    let forest = skeleton.forest();
+    .forest();
     let mut unheld = points.unheld.clone();
     let mut unheld_mm: Vec<[f64; 3]> =
         points.unheld_needs.iter().map(|k| demand.needs[*k as usize].at_mm).collect();
@@ -81,3 +94,6 @@ pub fn plan(
     }));
     Plan { forest, points, unheld, unheld_mm }
 }
+
+#[cfg(test)]
+mod tests;

@@ -228,13 +228,18 @@ impl<'a> Field<'a> {
 #[must_use]
 pub fn fixed(demand: &Demand, site: &Site<'_>, rules: &Rules) -> Points {
     let field = Field::new(demand, site, rules);
-    let pitch_mm = rules.spacing_mm * std::f64::consts::SQRT_2;
+    let mut chosen = lattice(&field);
+    chosen.extend(islands(&field));
+    chosen.sort_unstable();
+    chosen.dedup();
+    field.points(&chosen)
+}
+
+/// The needs nearest to the middles of a lattice's cells, one a cell and region.
+fn lattice(field: &Field<'_>) -> Vec<u32> {
+    let pitch_mm = field.spacing_mm * std::f64::consts::SQRT_2;
     let mut best: FxHashMap<(u32, [i32; 3]), (f64, u32)> = FxHashMap::default();
-    let mut chosen = Vec::new();
-    for (k, need) in demand.needs.iter().enumerate() {
-        if need.island {
-            chosen.extend(field.under_island(k as u32));
-        }
+    for (k, need) in field.demand.needs.iter().enumerate() {
         if field.price(k as u32).is_none() {
             continue;
         }
@@ -246,32 +251,42 @@ pub fn fixed(demand: &Demand, site: &Site<'_>, rules: &Rules) -> Points {
             *of = (off, k as u32);
         }
     }
-    chosen.extend(best.into_values().map(|(_, need)| need));
+    let mut chosen: Vec<u32> = best.into_values().map(|(_, need)| need).collect();
     chosen.sort_unstable();
-    chosen.dedup();
-    field.points(&chosen)
+    chosen
 }
 
-/// The fewest tips that hold all that can be held.
+/// Where the tips of islands stand.
+fn islands(field: &Field<'_>) -> Vec<u32> {
+    let needs = field.demand.needs.iter().enumerate();
+    let mut found: Vec<u32> =
+        needs.filter(|(_, n)| n.island).filter_map(|(k, _)| field.under_island(k as u32)).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// The fewest tips that hold all that can be held: from nothing, or from a lattice where that
+/// leads to fewer, as it does under wide flat ceilings.
 #[must_use]
 pub fn cover(demand: &Demand, site: &Site<'_>, rules: &Rules) -> Points {
     let field = Field::new(demand, site, rules);
-    let count = demand.needs.len();
+    let islands = islands(&field);
+    let (greedy, regular) =
+        rayon::join(|| completed(&field, &islands, &[]), || completed(&field, &islands, &lattice(&field)));
+    field.points(if regular.len() < greedy.len() { &regular } else { &greedy })
+}
+
+/// Tips under all islands, those of a beginning, and the most valuable for what is left;
+/// none that is needless.
+fn completed(field: &Field<'_>, islands: &[u32], start: &[u32]) -> Vec<u32> {
+    let count = field.demand.needs.len();
     let mut held = vec![0_u32; count];
-    let mut islands = Vec::new();
-    let mut chosen = Vec::new();
-    let choose = |need: u32, held: &mut Vec<u32>, chosen: &mut Vec<u32>| {
-        field.holds(need).into_iter().for_each(|k| held[k as usize] += 1);
-        chosen.push(need);
-    };
-    for (k, need) in demand.needs.iter().enumerate() {
-        if need.island
-            && let Some(under) = field.under_island(k as u32)
-            && !chosen.contains(&under)
-        {
-            choose(under, &mut held, &mut chosen);
-            islands.push(under);
-        }
+    let mut chosen: Vec<u32> = islands.iter().chain(start).copied().collect();
+    chosen.sort_unstable();
+    chosen.dedup();
+    for need in &chosen {
+        field.holds(*need).into_iter().for_each(|k| held[k as usize] += 1);
     }
     let value = |need: u32, held: &[u32]| {
         let left = field.holds(need).into_iter().filter(|k| held[*k as usize] == 0);
@@ -293,18 +308,19 @@ pub fn cover(demand: &Demand, site: &Site<'_>, rules: &Rules) -> Points {
             offers.push(Offer { value: now, need: offer.need });
             continue;
         }
-        choose(offer.need, &mut held, &mut chosen);
+        field.holds(offer.need).into_iter().for_each(|k| held[k as usize] += 1);
+        chosen.push(offer.need);
     }
     for _ in 0..ROUNDS {
         let before = chosen.len();
-        drop_needless(&field, &islands, &mut held, &mut chosen);
-        one_for_two(&field, &islands, &mut held, &mut chosen);
+        drop_needless(field, islands, &mut held, &mut chosen);
+        one_for_two(field, islands, &mut held, &mut chosen);
         if chosen.len() == before {
             break;
         }
     }
     chosen.sort_unstable();
-    field.points(&chosen)
+    chosen
 }
 
 /// Takes away tips whose needs others hold, those with the least of their own first.

@@ -109,9 +109,9 @@ pub fn prove<L: Layers>(
     let raised_mm = rules.gap_mm.max(0.0);
     let contacts: Vec<[f64; 3]> =
         plan.forest.nodes.iter().filter(|n| n.kind == Kind::Tip).map(|n| n.at_mm).collect();
-    // A tip is looked for in the layer that holds the place just below its contact.
+    // A tip is looked for in the layer that holds the place a layer below its contact.
     let mut left: Vec<[f64; 3]> =
-        contacts.iter().map(|t| [t[0], t[1], (t[2] + raised_mm - layer_mm / 2.0).max(0.0)]).collect();
+        contacts.iter().map(|t| [t[0], t[1], (t[2] + raised_mm - layer_mm).max(0.0)]).collect();
     left.sort_by(|a, b| a[2].total_cmp(&b[2]));
     let gather = Gather::new(rules.spacing_mm / CELLS);
     let mut tips = Tips { left, at: 0, missing: Vec::new(), gather };

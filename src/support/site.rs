@@ -114,7 +114,9 @@ impl<'a> Site<'a> {
                     }
                     let head = Head { contact_mm, end_mm, end_radius_mm, floor };
                     match floor {
-                        Floor::Plate if end_mm[2] <= 0.0 || self.reach.reaches(end_mm) => return Ok(head),
+                        Floor::Plate if end_mm[2] <= 0.0 || self.reach.way(end_mm, 0.0).is_some() => {
+                            return Ok(head);
+                        }
                         Floor::Plate => {}
                         Floor::Model => match self.column(end_mm).map(|way| way.floor) {
                             Some(floor) if floor == Floor::Plate || rules.on_model => {
@@ -214,7 +216,7 @@ impl<'a> Site<'a> {
         // The slab that holds the floor itself is not looked at.
         let above = ((floor_mm / slab - 1e-6).floor() + 1.0) * slab + 1e-6;
         let long = from_mm[2] - floor_mm;
-        if from_mm[2] <= above {
+        if from_mm[2] <= above || !self.space.is_floor(from_mm) {
             return None;
         }
         let cone_mm = self.rules.head_mm.min(long / 2.0);

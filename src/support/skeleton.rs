@@ -26,7 +26,7 @@ pub(super) struct Knot {
 }
 
 /// Branches on their way down.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Skeleton<'a> {
     pub(super) site: &'a Site<'a>,
     pub(super) knots: Vec<Knot>,

@@ -114,6 +114,14 @@ impl Forest {
         })
     }
 
+    /// How deep the round end of a node may reach, mm: not below what it stands on next.
+    #[must_use]
+    pub fn ground_mm(&self, node: &Node) -> f64 {
+        let ground = |n: &&Node| matches!(n.kind, Kind::Plate | Kind::Model);
+        let own = Some(node).filter(ground);
+        own.or(self.nodes.get(node.down as usize).filter(ground)).map_or(0.0, |n| n.at_mm[2])
+    }
+
     /// What each node carries directly.
     #[must_use]
     pub fn children(&self) -> Vec<Vec<u32>> {

@@ -1,0 +1,54 @@
+//! Parts for the tests of this room.
+use super::look::{Look, look};
+use super::rules::Rules;
+use crate::detect::overhang::SelfSupport;
+use crate::layers::polygon::{Inside, resolve};
+use crate::layers::shape::{Bounds, Point, Region, Ring};
+use crate::layers::stack::{Layer, Layers};
+use std::convert::Infallible;
+
+/// Rectangles `[x0, y0, x1, y1]` united, mm.
+pub(super) fn region(rectangles: &[[f64; 4]]) -> Region {
+    let ring = |r: &[f64; 4]| -> Ring {
+        [(r[0], r[1]), (r[2], r[1]), (r[2], r[3]), (r[0], r[3])].map(|p| Point::from_mm(p.0, p.1)).to_vec()
+    };
+    let all: Vec<Ring> = rectangles.iter().map(ring).collect();
+    resolve(&all, Inside::NonZero)
+}
+
+/// Layers of one height; `part` gives what is at the height of a layer's middle, mm.
+pub(super) fn layers(count: u32, layer_mm: f64, part: impl Fn(f64) -> Region) -> Vec<Layer> {
+    let layer = |number: u32| {
+        let bottom_mm = f64::from(number) * layer_mm;
+        let part = part(bottom_mm + layer_mm / 2.0);
+        Layer { number, bottom_mm, top_mm: bottom_mm + layer_mm, part, aid: Region::default() }
+    };
+    (0..count).map(layer).collect()
+}
+
+/// Layers that are there, in batches of eight.
+pub(super) struct Given(pub(super) Vec<Layer>);
+
+impl Layers for Given {
+    type Error = Infallible;
+
+    fn count(&self) -> Option<u32> {
+        None
+    }
+
+    fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, Infallible> {
+        let batch: Vec<Layer> = self.0.drain(..self.0.len().min(8)).collect();
+        Ok((!batch.is_empty()).then_some(batch))
+    }
+}
+
+/// What holds itself in tests.
+pub(super) const OWN: SelfSupport = SelfSupport { angle_deg: 45.0, bridge_mm: 2.0, min_area_mm2: 0.05 };
+
+/// A look at layers.
+pub(super) fn seen(layers: Vec<Layer>, rules: &Rules) -> Look {
+    let bounds = layers.iter().fold(Bounds::EMPTY, |b, l| b.joined(l.part.bounds()));
+    let top = layers.last().map_or(0.0, |l| l.top_mm);
+    let Ok(found) = look(&mut Given(layers), bounds, top, OWN, rules.spacing_mm, &mut ());
+    found
+}
