@@ -55,9 +55,13 @@ impl Grid {
         [0, 1].map(|k| ((at[k] - self.origin[k]) / self.cell_mm).floor() as i64)
     }
 
-    fn centre(&self, index: usize) -> [f64; 2] {
-        let cell = [index % self.size[0], index / self.size[0]];
-        [0, 1].map(|k| self.origin[k] + (cell[k] as f64 + 0.5) * self.cell_mm)
+    /// The place of a cell that is nearest to another place.
+    fn nearest_in(&self, cell: [i64; 2], at: [f64; 2]) -> [f64; 2] {
+        let inset = self.cell_mm * 0.01;
+        [0, 1].map(|k| {
+            let low = self.origin[k] + cell[k] as f64 * self.cell_mm;
+            at[k].clamp(low + inset, low + self.cell_mm - inset)
+        })
     }
 
     fn slab(&self, z_mm: f64) -> usize {
@@ -424,16 +428,16 @@ impl Reach {
             // Where the slab above ends it goes aside, within the height of a slab.
             let z = ((slab + 2) as f64 * self.grid.slab_mm).min(from[2]);
             let aside = ((slab + 1) as f64 * self.grid.slab_mm).min(z);
-            let far = (0..2).map(|k| ((found[k] - cell[k]) as f64).powi(2)).sum::<f64>().sqrt();
-            if far * self.grid.cell_mm > (z - aside) * self.slope + 1e-9 {
+            // The nearest place of that cell.
+            let to = self.grid.nearest_in(found, at);
+            if (to[0] - at[0]).hypot(to[1] - at[1]) > (z - aside) * self.slope + 1e-9 {
                 // It begins too low in its slab to go aside in time.
                 return None;
             }
             if z < from[2] {
                 way.push([at[0], at[1], z]);
             }
-            let index = self.grid.index(found[0], found[1])?;
-            (cell, at) = (found, self.grid.centre(index));
+            (cell, at) = (found, to);
             way.push([at[0], at[1], aside]);
         }
         way.push([at[0], at[1], end_mm]);
