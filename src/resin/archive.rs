@@ -4,7 +4,9 @@
 //! their bytes. Alone names the zip crate, which reads the directory once
 //! [`bounds`] has held its figures against the file, and unpacks. An entry that holds
 //! more than it announces ends in an error as soon as it does. Names are compared,
-//! never used as paths. Knows no format of resin jobs.
+//! never used as paths. [`write`] makes archives. Knows no format of resin jobs.
+pub mod write;
+
 use super::bounds::{self, DirectoryError};
 use std::collections::HashMap;
 use std::io::{Read, Seek, SeekFrom};

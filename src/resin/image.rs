@@ -3,6 +3,8 @@
 //! Takes the bytes of a PNG file and what the job says of it ([`Panel`]), gives its
 //! rows from the top as 8-bit brightness, one a time, so that a picture of any
 //! allowed size costs the memory of a few rows. Knows no archive and no millimetre.
+pub mod pack;
+
 use png::{ColorType, Decoder, DecodingError, Limits, Transformations};
 use std::io::Cursor;
 

@@ -5,14 +5,17 @@
 //!
 //! # Layout
 //! - [`job`]: a job as types, and why one cannot be read
-//! - [`archive`]: a zip within bounds, alone names the zip crate; [`bounds`]: what is opened at all
-//! - [`image`]: a picture's rows; alone names the PNG crate here
+//! - [`archive`]: a zip within bounds, read and written; alone names the zip crate;
+//!   [`bounds`]: what is opened at all
+//! - [`image`]: a picture's rows, read and packed; alone names the PNG crate here
+//! - [`rewrite`]: a job written anew, with pictures changed
 //! - `sl1`, `nanodlp`: the formats, one a file
 pub mod archive;
 pub mod bounds;
 pub mod image;
 pub mod job;
 mod nanodlp;
+pub mod rewrite;
 mod sl1;
 #[cfg(test)]
 pub(crate) mod testing;

@@ -10,7 +10,9 @@
 //! picture's content.
 use super::archive::{Archive, MAX_ENTRY_BYTES};
 use super::image::{ImageError, MAX_SIDE_PX, Packing, Panel, size_px};
-use super::job::{EXPOSURE_S, Format, Job, JobError, JobLayer, LAYER_MM, PIXEL_MM, Placement, in_order};
+use super::job::{
+    EXPOSURE_S, Format, Job, JobError, JobLayer, LAYER_MM, PIXEL_MM, Placement, Source, in_order,
+};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::io::{Read, Seek};
@@ -103,7 +105,7 @@ pub(super) fn open<R: Read + Seek>(mut archive: Archive<R>) -> Result<Job<R>, Jo
     let placement = Placement { pixel_mm, reverse_u, reverse_v: true, swap: false };
     let thickness = Found { entry: options_name, key: "Thickness", value: options.thickness.unwrap_or(0.0) };
     let layers = layers(thickness, &profile, &special, &entries)?;
-    Ok(Job { archive, format: Format::NanoDlp, panel, placement, layers })
+    Ok(Job { source: Source::Archive(archive), format: Format::NanoDlp, panel, placement, layers })
 }
 
 /// The number in `12.png`; leading zeros are allowed, other names are no layers.

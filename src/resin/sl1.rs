@@ -6,7 +6,9 @@
 //! draws it. Knows no picture's content.
 use super::archive::Archive;
 use super::image::{Packing, Panel, size_px};
-use super::job::{EXPOSURE_S, Format, Job, JobError, JobLayer, LAYER_MM, PIXEL_MM, Placement, in_order};
+use super::job::{
+    EXPOSURE_S, Format, Job, JobError, JobLayer, LAYER_MM, PIXEL_MM, Placement, Source, in_order,
+};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 use std::ops::RangeInclusive;
@@ -38,7 +40,7 @@ pub(super) fn open<R: Read + Seek>(mut archive: Archive<R>) -> Result<Job<R>, Jo
     announced(&config, entries.len())?;
     let (panel, placement) = panel(&mut archive, &slicer, entries[0])?;
     let layers = layers(&config, &slicer, &entries)?;
-    Ok(Job { archive, format: Format::Sl1, panel, placement, layers })
+    Ok(Job { source: Source::Archive(archive), format: Format::Sl1, panel, placement, layers })
 }
 
 /// The number in `<prefix>NNNNN.png`.
