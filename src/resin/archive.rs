@@ -23,7 +23,7 @@ pub const MAX_ENTRY_BYTES: u64 = 64 << 20;
 pub enum ArchiveError {
     /// It does not begin as a zip archive.
     #[error(
-        "not a zip archive: it begins with {begins:02x?} instead of \"PK\"; give a .sl1 or .nanodlp file as the slicer wrote it"
+        "not a zip archive: it begins with {begins:02x?} instead of \"PK\", and not GOO either; give a .sl1, .nanodlp or .goo file as the slicer wrote it"
     )]
     NotZip {
         /// Its first bytes, at most four.

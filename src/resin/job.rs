@@ -3,7 +3,9 @@
 //! Takes what a format read of an archive's settings, gives the layers' pictures one
 //! at a time. Knows no format, no polygon and no file system.
 use super::archive::{Archive, ArchiveError, MAX_ENTRY_BYTES};
+use super::goo::{Goo, GooError};
 use super::image::{Image, ImageError, Panel};
+use super::recipe::Recipe;
 use std::borrow::Cow;
 use std::io::{Read, Seek};
 use std::ops::RangeInclusive;
@@ -28,6 +30,19 @@ pub enum Format {
     Sl1,
     /// NanoDLP's plates.
     NanoDlp,
+    /// Elegoo's GOO, version V3.0.
+    Goo,
+}
+
+impl std::fmt::Display for Format {
+    /// What people call it.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Format::Sl1 => "SL1",
+            Format::NanoDlp => "NanoDLP",
+            Format::Goo => "GOO",
+        })
+    }
 }
 
 /// A layer of a job.
@@ -75,6 +90,9 @@ pub enum JobError {
     /// The archive itself.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
+    /// A GOO file itself.
+    #[error(transparent)]
+    Goo(#[from] GooError),
     /// An archive of something else.
     #[error(
         "the archive is no resin job that is read here: it has neither config.ini (SL1) nor plate.json, options.json or slicer.json (NanoDLP); it begins with {first:?}"
@@ -174,6 +192,8 @@ pub enum JobError {
 pub(super) enum Source<R> {
     /// A zip: an entry a layer.
     Archive(Archive<R>),
+    /// A GOO file.
+    Goo(Goo<R>),
 }
 
 /// An open job.
@@ -184,6 +204,7 @@ pub struct Job<R> {
     pub(super) panel: Panel,
     pub(super) placement: Placement,
     pub(super) layers: Vec<JobLayer>,
+    pub(super) recipe: Recipe,
 }
 
 impl<R: Read + Seek> Job<R> {
@@ -211,13 +232,20 @@ impl<R: Read + Seek> Job<R> {
         &self.layers
     }
 
-    /// What holds a layer's picture, for messages: the name of an archive's entry; empty
-    /// beyond the last layer.
+    /// How it is to be printed, as far as its settings tell.
+    #[must_use]
+    pub fn recipe(&self) -> &Recipe {
+        &self.recipe
+    }
+
+    /// What holds a layer's picture, for messages: the name of an archive's entry, or
+    /// where in the file; empty beyond the last layer.
     #[must_use]
     pub fn entry_name(&self, layer: u32) -> Cow<'_, str> {
         let Some(found) = self.layers.get(layer as usize) else { return Cow::Borrowed("") };
         match &self.source {
             Source::Archive(archive) => Cow::Borrowed(archive.name(found.entry)),
+            Source::Goo(goo) => Cow::Owned(goo.name(found.entry)),
         }
     }
 
@@ -227,6 +255,7 @@ impl<R: Read + Seek> Job<R> {
         let Some(found) = self.layers.get(layer as usize) else { return 0 };
         match &self.source {
             Source::Archive(archive) => archive.announced(found.entry),
+            Source::Goo(goo) => goo.packed_bytes(found.entry),
         }
     }
 
@@ -241,6 +270,7 @@ impl<R: Read + Seek> Job<R> {
         };
         match &mut self.source {
             Source::Archive(archive) => Ok(archive.read(found.entry, MAX_ENTRY_BYTES)?),
+            Source::Goo(goo) => Ok(goo.packed(found.entry)?),
         }
     }
 

@@ -7,9 +7,11 @@
 //! cores, a batch at a time, and written in order. Knows no format's insides.
 use super::archive::Archive;
 use super::archive::write::{ArchiveWriter, Packed, WriteError};
+use super::convert::convert;
+use super::goo::{KeepError, Keeper};
 use super::image::pack::PackError;
 use super::image::{Image, ImageError, Panel};
-use super::job::{Job, JobError, Source};
+use super::job::{Format, Job, JobError, Source};
 use rayon::prelude::*;
 use std::io::{Read, Seek, Write};
 
@@ -61,6 +63,9 @@ pub struct Rewritten {
     pub layers: u32,
     /// Layers whose picture was changed.
     pub changed: u32,
+    /// What another format has no place for, or wants and is not told: a line each.
+    /// Empty where the format is kept.
+    pub notes: Vec<String>,
 }
 
 /// Why a job cannot be written.
@@ -72,6 +77,23 @@ pub enum RewriteError {
     /// The archive that is written, or what is copied into it.
     #[error(transparent)]
     Archive(#[from] WriteError),
+    /// The GOO file that is written, or what is copied into it.
+    #[error(transparent)]
+    Goo(#[from] KeepError),
+    /// Heights that the other format cannot say.
+    #[error(
+        "layer {layer} is {height_mm} mm high and others {others_mm} mm: {target} has one height for all but the first; write it as .goo"
+    )]
+    Uneven {
+        /// The format that was to be written.
+        target: Format,
+        /// From 0 at the plate.
+        layer: u32,
+        /// Its height, mm.
+        height_mm: f64,
+        /// Height of the second layer, mm.
+        others_mm: f64,
+    },
     /// A picture that cannot be packed.
     #[error("layer {layer}: {source}")]
     Pack {
@@ -86,25 +108,29 @@ impl RewriteError {
     /// Whether the output is at fault and not the job.
     #[must_use]
     pub fn is_output(&self) -> bool {
-        matches!(self, RewriteError::Archive(WriteError::Io(_)))
+        matches!(self, RewriteError::Archive(WriteError::Io(_)) | RewriteError::Goo(KeepError::Write(_)))
     }
 }
 
-/// Writes a job in its own format, with the pictures that `edits` changes.
+/// Writes a job, in its own format or another one, with the pictures that `edits` changes.
 ///
-/// `out` should be buffered and must be empty. `done` is told how many layers are
+/// In its own format all that is not changed stays byte for byte. `out` should be buffered and must be empty. `done` is told how many layers are
 /// written, now and then. Memory: a batch's pictures (256 MB, or one picture) and, on
 /// each thread, one that is being packed.
 ///
 /// # Errors
-/// The job cannot be read, a changed picture is not of the panel's size, or `out`
-/// refuses. What `out` holds then is no job.
+/// The job cannot be read, a changed picture is not of the panel's size, another format
+/// cannot say the layers' heights, or `out` refuses. What `out` holds then is no job.
 pub fn rewrite<R: Read + Seek, W: Write + Seek>(
     job: &mut Job<R>,
     out: W,
+    target: Format,
     edits: &impl Edits,
     done: &mut dyn FnMut(u32),
 ) -> Result<Rewritten, RewriteError> {
+    if target != job.format() {
+        return convert(job, out, target, edits, done);
+    }
     let panel = job.panel();
     let touches = |layer| edits.touches(layer);
     let change = |layer, packed: &[u8]| changed(panel, edits, layer, packed);
@@ -119,9 +145,9 @@ pub fn rewrite<R: Read + Seek, W: Write + Seek>(
             let parts = members(archive, job);
             let mut zip = ArchiveWriter::new(out);
             in_batches(job, &parts, &touches, &change, |job, part, changed| {
-                let Source::Archive(archive) = &mut job.source;
+                let Source::Archive(archive) = &mut job.source else { return Ok(()) };
                 match &changed {
-                    Some(bytes) => zip.add(archive.name(part.entry), bytes, Packed::Stored)?,
+                    Some(bytes) => zip.add(archive.name(part.entry), bytes, Packed::Deflated)?,
                     None => zip.copy(archive, part.entry)?,
                 }
                 count(part, changed.is_some());
@@ -129,17 +155,31 @@ pub fn rewrite<R: Read + Seek, W: Write + Seek>(
             })?;
             zip.finish()?;
         }
+        Source::Goo(_) => {
+            let parts: Vec<Part> =
+                (0..).zip(job.layers()).map(|(n, l)| Part { entry: l.entry, layer: Some(n) }).collect();
+            let Source::Goo(goo) = &mut job.source else { return Ok(written) };
+            let mut keeper = Keeper::begin(goo, out)?;
+            in_batches(job, &parts, &touches, &change, |job, part, changed| {
+                let Source::Goo(goo) = &mut job.source else { return Ok(()) };
+                keeper.layer(goo, part.entry, changed.as_deref())?;
+                count(part, changed.is_some());
+                Ok(())
+            })?;
+            let Source::Goo(goo) = &mut job.source else { return Ok(written) };
+            keeper.finish(goo)?;
+        }
     }
     Ok(written)
 }
 
 /// A part of a job, in the order in which it is written.
 #[derive(Clone, Copy, Debug)]
-struct Part {
-    /// Which entry of an archive it is.
-    entry: usize,
+pub(super) struct Part {
+    /// Which entry of an archive, or which layer of another file, it is.
+    pub(super) entry: usize,
     /// The layer whose picture it is.
-    layer: Option<u32>,
+    pub(super) layer: Option<u32>,
 }
 
 /// The entries of an archive in the order of its directory.
@@ -153,13 +193,13 @@ fn members<R: Read + Seek>(archive: &Archive<R>, job: &Job<R>) -> Vec<Part> {
 }
 
 /// What is wrong with one picture.
-enum Fault {
+pub(super) enum Fault {
     Picture(ImageError),
     Pack(PackError),
 }
 
 /// The new bytes of a picture, or nothing where it stays.
-type Made = Result<Option<Vec<u8>>, Fault>;
+pub(super) type Made = Result<Option<Vec<u8>>, Fault>;
 
 /// What is made of a picture.
 fn changed(panel: Panel, edits: &impl Edits, layer: u32, packed: &[u8]) -> Made {
@@ -172,7 +212,7 @@ fn changed(panel: Panel, edits: &impl Edits, layer: u32, packed: &[u8]) -> Made 
 
 /// Goes over the parts of a job: pictures that `wants` names are read and given to
 /// `work` on all cores, then each part to `put`, in order, with what `work` made of it.
-fn in_batches<R: Read + Seek>(
+pub(super) fn in_batches<R: Read + Seek>(
     job: &mut Job<R>,
     mut parts: &[Part],
     wants: &dyn Fn(u32) -> bool,
@@ -271,7 +311,7 @@ mod tests {
     fn rewritten(job: &[u8], edits: &impl Edits) -> Result<Written, RewriteError> {
         let mut job = resin::open(Cursor::new(job)).expect("a job");
         let (mut out, mut progress) = (Cursor::new(Vec::new()), Vec::new());
-        let written = rewrite(&mut job, &mut out, edits, &mut |layers| progress.push(layers))?;
+        let written = rewrite(&mut job, &mut out, Format::Sl1, edits, &mut |layers| progress.push(layers))?;
         Ok((out.into_inner(), written, progress))
     }
 
@@ -280,7 +320,7 @@ mod tests {
         let job = archive(&entries());
         let (out, written, _) = rewritten(&job, &Untouched).expect("written");
         assert!(out == job);
-        assert_eq!(written, Rewritten { layers: 100, changed: 0 });
+        assert_eq!(written, Rewritten { layers: 100, ..Rewritten::default() });
     }
 
     #[test]
@@ -288,7 +328,7 @@ mod tests {
         let job = archive(&entries());
         let edits = Negatives::of(&(10..80).collect::<Vec<_>>(), &[10, 44, 79]);
         let (out, written, progress) = rewritten(&job, &edits).expect("written");
-        assert_eq!(written, Rewritten { layers: 100, changed: 3 });
+        assert_eq!((written.layers, written.changed, written.notes.len()), (100, 3, 0));
         assert_eq!(progress.last(), Some(&100));
         assert!(progress.is_sorted());
         let mut seen = edits.seen.into_inner().expect("no panic");

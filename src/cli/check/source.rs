@@ -219,6 +219,7 @@ fn archive(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let kind = match job.format() {
         Format::Sl1 => "sl1",
         Format::NanoDlp => "nanodlp",
+        Format::Goo => "goo",
     };
     let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
     report.seconds.read = started.elapsed().as_secs_f64();

@@ -13,9 +13,9 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 /// How a new entry is packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packed {
-    /// Its bytes as they are: pictures, which are packed already.
+    /// Its bytes as they are.
     Stored,
-    /// Deflated: text.
+    /// Deflated, quickly: text, and pictures, which slicers pack twice too.
     Deflated,
 }
 
@@ -85,6 +85,7 @@ impl<W: Write + Seek> ArchiveWriter<W> {
         };
         let options =
             SimpleFileOptions::default().compression_method(method).last_modified_time(DateTime::default());
+        let options = if packed == Packed::Deflated { options.compression_level(Some(1)) } else { options };
         let added = self.zip.start_file(name, options);
         let added = added.and_then(|()| Ok(self.zip.write_all(bytes)?));
         self.told(name, added)
