@@ -83,7 +83,7 @@ pub(super) fn number(value: f64) -> f64 {
 
 /// A file under construction.
 enum Sink<W: Write + Seek> {
-    Archive(ArchiveWriter<W>),
+    Archive(Box<ArchiveWriter<W>>),
     Goo(goo::Builder<W>),
 }
 
@@ -113,8 +113,8 @@ pub(super) fn convert<R: Read + Seek, W: Write + Seek>(
     };
     left_behind(job, &mut notes);
     let mut sink = match target {
-        Format::Sl1 => Sink::Archive(sl1::write::begin(&facts, out, &mut notes)?),
-        Format::NanoDlp => Sink::Archive(nanodlp::write::begin(&facts, out, &mut notes)?),
+        Format::Sl1 => Sink::Archive(Box::new(sl1::write::begin(&facts, out, &mut notes)?)),
+        Format::NanoDlp => Sink::Archive(Box::new(nanodlp::write::begin(&facts, out, &mut notes)?)),
         Format::Goo => Sink::Goo(goo::Builder::begin(&facts, out, &mut notes)?),
     };
     let name = match target {

@@ -34,6 +34,28 @@ pub enum Format {
     Goo,
 }
 
+impl Format {
+    /// What machines call it, and what its files' names end in.
+    #[must_use]
+    pub fn key(self) -> &'static str {
+        match self {
+            Format::Sl1 => "sl1",
+            Format::NanoDlp => "nanodlp",
+            Format::Goo => "goo",
+        }
+    }
+
+    /// The format of files whose name ends so behind the last dot, in whatever case.
+    #[must_use]
+    pub fn of_ending(ending: &str) -> Option<Format> {
+        let ending = ending.to_ascii_lowercase();
+        // SL1S is another printer, not another format.
+        let known =
+            [("sl1s", Format::Sl1), ("sl1", Format::Sl1), ("nanodlp", Format::NanoDlp), ("goo", Format::Goo)];
+        known.into_iter().find(|(name, _)| *name == ending).map(|(_, format)| format)
+    }
+}
+
 impl std::fmt::Display for Format {
     /// What people call it.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
