@@ -144,6 +144,7 @@ pub fn rewrite<R: Read + Seek, W: Write + Seek>(
         Source::Archive(archive) => {
             let parts = members(archive, job);
             let mut zip = ArchiveWriter::new(out);
+            zip.comment(archive)?;
             in_batches(job, &parts, &touches, &change, |job, part, changed| {
                 let Source::Archive(archive) = &mut job.source else { return Ok(()) };
                 match &changed {

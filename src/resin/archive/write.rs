@@ -52,6 +52,15 @@ impl<W: Write + Seek> ArchiveWriter<W> {
         ArchiveWriter { zip: ZipWriter::new(Watched { out, broken: false, fault: fault.clone() }), fault }
     }
 
+    /// Takes over the comment of another archive.
+    ///
+    /// # Errors
+    /// It is too long, which none that was read is.
+    pub fn comment<R: Read + Seek>(&mut self, from: &Archive<R>) -> Result<(), WriteError> {
+        let set = self.zip.set_raw_comment(from.zip.comment().into());
+        self.told("comment", set)
+    }
+
     /// Adds an entry of another archive as it is: its name, its packed bytes, its date
     /// and its extra fields. It is not unpacked; a damaged one stays damaged.
     ///
@@ -193,9 +202,28 @@ mod tests {
         for bytes in [archive(&entries()), stored(&entries())] {
             let mut from = opened(bytes.clone());
             let mut writer = ArchiveWriter::new(Cursor::new(Vec::new()));
+            writer.comment(&from).expect("no comment");
             (0..3).for_each(|i| writer.copy(&mut from, i).expect("copied"));
             assert_eq!(writer.finish().expect("finished").into_inner(), bytes);
         }
+    }
+
+    #[test]
+    fn what_nobody_here_unpacks_is_copied_too() {
+        let mut bytes = stored(&entries());
+        // Packed with LZMA, encrypted, and with a comment.
+        let directory = bytes.windows(4).position(|w| w == b"PK\x01\x02").expect("a directory");
+        (bytes[8], bytes[directory + 10], bytes[6], bytes[directory + 8]) = (14, 14, 1, 1);
+        let end = bytes.len() - 2;
+        bytes[end] = 2;
+        bytes.extend(b"hi");
+        let mut from = opened(bytes);
+        let mut writer = ArchiveWriter::new(Cursor::new(Vec::new()));
+        writer.comment(&from).expect("a comment");
+        let said = writer.copy(&mut from, 0).err().map(|e| e.to_string());
+        assert_eq!(said, None);
+        writer.copy(&mut from, 1).expect("copied");
+        assert!(writer.finish().expect("finished").into_inner().ends_with(b"\x02\0hi"));
     }
 
     #[test]
