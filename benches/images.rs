@@ -69,7 +69,7 @@ impl Bench {
         let mut rows = 0;
         for first in (0..number).step_by(32) {
             let batch: Vec<Vec<u8>> =
-                (first..number.min(first + 32)).map(|i| job.png(i).expect("a picture")).collect();
+                (first..number.min(first + 32)).map(|i| job.packed(i).expect("a picture")).collect();
             let count = |png: &Vec<u8>| {
                 let mut rows = 0;
                 panel.rows(png, |row| rows += black_box(row).len().min(1)).expect("a picture");

@@ -2,7 +2,7 @@
 # Runs one fuzz target: fuzz.sh TARGET [SECONDS]. Needs build.sh and seeds.py first. Exit 0: nothing found.
 set -euo pipefail
 cd "$(dirname "$0")"
-target=${1:?usage: fuzz.sh archive|bgcode|gcode_line|job|journal|reply|stl|wire [SECONDS]}
+target=${1:?usage: fuzz.sh archive|bgcode|gcode_line|goo|job|journal|reply|stl|wire [SECONDS]}
 seconds=${2:-180}
 # Longest input: a few lines, a few layers' beginnings for a job, a small archive or mesh, a few batches of a journal.
 case $target in
@@ -14,6 +14,7 @@ journal) seeds=journal dict=journal max_len=2048 ;;
 reply) seeds=reply dict=reply max_len=1024 ;;
 stl) seeds=stl dict=stl max_len=4096 ;;
 archive) seeds=archive dict=archive max_len=4096 ;;
+goo) seeds=goo dict=goo max_len=2048 ;;
 *) echo "fuzz.sh: no target '$target'" >&2 && exit 2 ;;
 esac
 triple=$(rustc -vV | sed -n 's/^host: //p')

@@ -10,7 +10,8 @@ all of it at once. bgcode: the binary files of gcode/corpus, as blocks by
 themselves, with each compression and encoding, and text to be packed. stl: a
 block as binary, as text and as corners on the target's grid, whole and damaged.
 archive: small SL1 and NanoDLP jobs of our own, as zips and as the entries that
-archive.rs makes zips of. journal: payloads as journal.rs frames them, and a
+archive.rs makes zips of. goo: what stands behind the previews of small files of our
+own, whole and as the layers that goo.rs frames. journal: payloads as journal.rs frames them, and a
 whole small file. Standard library only.
 """
 import io
@@ -127,6 +128,25 @@ def archive():
     return seeds
 
 
+def goo():
+    head = lambda layers, by_layer, z=0.05: struct.pack(
+        '>IHHBBffff f Bf 6f fI 16f HHBIfff8sIBH', layers, 8, 6, 1, 0, 0.4, 0.3, 165, z, 3, 1, 0, *[0, 0, 0.5] * 2,
+        30, 1, *[5, 60, 5, 60, 5, 150, 5, 150] + [0] * 8, 255, 255, by_layer, 60, 9, 9, 1, b'$', 195477, 1, 1)
+    pictures = [b'\x10\x03', b'\xd0\x03', b'\x41\x07\x81\xa2\x92\x05\x0f\xcf\x0a', b'\x20\x00\x03', b'\x70\x80\x00\x00\x03']
+    definition = lambda n: struct.pack('>H15fH', n == 1, 165, 0.05 * (n + 1), 30 if n == 0 else 3, 0, 0, 0, 0.5,
+                                       5, 60, 0, 0, 5, 150, 0, 0, 255) + b'\r\n'
+    def whole(n, runs):
+        framed = b'\x55' + runs + bytes([~sum(runs) & 255])
+        return definition(n) + struct.pack('>I', len(framed)) + framed + b'\r\n'
+    seeds = []
+    for count in (1, 2, 5):
+        some = list(enumerate(pictures[:count]))
+        end = b'\0\0\0\7\0\0\0DLP\0'
+        seeds.append(b'\0' + head(count, 0) + b''.join(whole(n, runs) for n, runs in some) + end)
+        seeds.append(b'\1' + head(count, 1) + b''.join(definition(n) + struct.pack('<H', len(runs)) + runs for n, runs in some))
+    return seeds
+
+
 def journal():
     def text(data):
         return struct.pack('<I', len(data)) + data
@@ -153,6 +173,7 @@ def journal():
 if __name__ == '__main__':
     write(HERE / 'target/seeds/journal', journal())
     write(HERE / 'target/seeds/archive', archive())
+    write(HERE / 'target/seeds/goo', goo())
     write(HERE / 'target/seeds/gcode_line', gcode_line())
     write(HERE / 'target/seeds/reply', reply())
     write(HERE / 'target/seeds/bgcode', bgcode())

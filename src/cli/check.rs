@@ -21,7 +21,7 @@ use std::process::ExitCode;
 /// Find what of a model, a sliced job or a resin job would print in the air
 ///
 /// FILE is a model (.stl), sliced G-code (.gcode, .bgcode) or a resin job (.sl1,
-/// .nanodlp); its content says which. Islands are pieces of a layer that nothing below
+/// .nanodlp, .goo); its content says which. Islands are pieces of a layer that nothing below
 /// holds; overhangs are parts that reach out too far over what is below them. G-code
 /// and resin jobs are checked as they will be printed, with no model needed.
 ///

@@ -2,7 +2,10 @@
 //!
 //! In place the contract of the slicers holds: whatever is in doubt, the file
 //! stays as it was and the exit status is 0, with the reason on stderr; a
-//! non-zero status would fail the slicer's whole export.
+//! non-zero status would fail the slicer's whole export. A resin job goes another way
+//! ([`resin`]), by its content.
+mod resin;
+
 use super::files::{self, Replacement};
 use super::interrupt::clean_up_on_signal;
 use super::{picture, progress};
@@ -17,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Reorder the infill of a sliced job so that the head lifts least
+/// Reorder the infill of a sliced job so that the head lifts least; convert a resin job
 ///
 /// Edits FILE in place, as a slicer's post-processing script, or writes to OUT.
 /// The result is read again and must print the same; otherwise, and whenever
@@ -25,15 +28,22 @@ use std::time::Instant;
 ///
 /// In PrusaSlicer, OrcaSlicer and SuperSlicer: Print settings, Output options,
 /// Post-processing scripts: /path/to/outrigger post
+///
+/// A resin job is written to OUT in the format that OUT's name ends in (.sl1, .sl1s,
+/// .nanodlp, .goo), its pictures as they are; a line tells each thing that the format has
+/// no place for, or wants and the job does not tell. In its own format it is copied.
 #[derive(ClapArgs, Debug)]
 pub(super) struct Args {
     /// The job: G-code of PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura or Slic3r,
-    /// as text or binary (.bgcode), which it stays
+    /// as text or binary (.bgcode), which it stays; or a resin job: SL1, SL1S, NanoDLP, GOO
     file: PathBuf,
     /// Write the result here and leave FILE alone
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
     /// Write what was done as JSON; "-" is standard output
+    ///
+    /// Of a resin job its fields are kind, kind_out, layers, layers_changed, notes,
+    /// seconds, unchanged_reason.
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
     /// Draw the most improved layer's paths, before and after, as SVG
@@ -82,6 +92,20 @@ pub(super) struct Done {
 /// FILE cannot be read at all, or with `--output` OUT cannot be written.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     clean_up_on_signal();
+    if resin::is_resin(&args.file) {
+        if let Some(reason) = resin::unfit(args) {
+            eprintln!("outrigger: {reason}");
+            return Ok(ExitCode::from(2));
+        }
+        return resin::run(args);
+    }
+    if let Some(output) = args.output.as_deref().filter(|to| resin::named(to).is_some()) {
+        anyhow::bail!(
+            "{} is no resin job, and {} would be none; name a .sl1, .nanodlp or .goo file",
+            args.file.display(),
+            output.display()
+        );
+    }
     let done = post_file(args)?;
     if let Some(reason) = &done.report.unchanged_reason {
         eprintln!("outrigger: {}: left as it was: {reason}", files::display_name(&args.file));

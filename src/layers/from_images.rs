@@ -60,7 +60,7 @@ pub struct FromImages<R> {
 /// A picture that is read and not yet traced.
 struct Packed {
     layer: u32,
-    png: Vec<u8>,
+    bytes: Vec<u8>,
 }
 
 impl<R: Read + Seek> FromImages<R> {
@@ -81,11 +81,11 @@ impl<R: Read + Seek> FromImages<R> {
         let mut packed = Vec::new();
         let mut bytes = 0;
         while packed.len() < self.batch && (self.next as usize) < self.job.layers().len() {
-            bytes += self.job.png_bytes(self.next);
+            bytes += self.job.packed_bytes(self.next);
             if bytes > BATCH_BYTES && !packed.is_empty() {
                 break;
             }
-            packed.push(Packed { layer: self.next, png: self.job.png(self.next)? });
+            packed.push(Packed { layer: self.next, bytes: self.job.packed(self.next)? });
             self.next += 1;
         }
         Ok(packed)
@@ -93,10 +93,11 @@ impl<R: Read + Seek> FromImages<R> {
 
     /// The layer of a picture's polygons, or what was wrong with it.
     fn layer(&self, layer: u32, part: Result<Region, Fault>) -> Result<Layer, FromImagesError> {
-        let entry = self.job.entry_name(layer).to_owned();
         let part = part.map_err(|fault| match fault {
-            Fault::Picture(source) => JobError::Picture { layer, entry, source }.into(),
-            Fault::TooFine => FromImagesError::TooFine { layer, entry },
+            Fault::Picture(source) => self.job.picture_error(layer, source).into(),
+            Fault::TooFine => {
+                FromImagesError::TooFine { layer, entry: self.job.entry_name(layer).into_owned() }
+            }
         })?;
         let JobLayer { top_mm, height_mm, .. } = self.job.layers()[layer as usize];
         let bottom_mm = (top_mm - height_mm).max(0.0);
@@ -118,7 +119,7 @@ impl<R: Read + Seek> Layers for FromImages<R> {
         }
         let panel = self.job.panel();
         let grid = Grid::new(panel, self.job.placement());
-        let parts: Vec<_> = packed.par_iter().map(|p| contours(panel, &grid, &p.png)).collect();
+        let parts: Vec<_> = packed.par_iter().map(|p| contours(panel, &grid, &p.bytes)).collect();
         let layers = packed.iter().zip(parts).map(|(p, part)| self.layer(p.layer, part));
         let layers = layers.collect::<Result<Vec<Layer>, _>>()?;
         let largest = layers.iter().map(|l| l.part.len()).max().unwrap_or(0);
@@ -135,7 +136,7 @@ enum Fault {
 }
 
 /// Contours of one picture at half brightness, in grid steps over the plate.
-fn contours(panel: Panel, grid: &Grid, png: &[u8]) -> Result<Region, Fault> {
+fn contours(panel: Panel, grid: &Grid, packed: &[u8]) -> Result<Region, Fault> {
     let mut trace = Trace::default();
     let mut changes = Vec::new();
     let mut fits = Ok(());
@@ -145,7 +146,7 @@ fn contours(panel: Panel, grid: &Grid, png: &[u8]) -> Result<Region, Fault> {
             fits = trace.row(&changes);
         }
     };
-    panel.rows(png, row).map_err(Fault::Picture)?;
+    panel.rows(packed, row).map_err(Fault::Picture)?;
     let polygons = fits.and_then(|()| trace.polygons(|c| grid.point(c))).map_err(|TooFine| Fault::TooFine)?;
     Ok(grid.region(polygons))
 }

@@ -4,7 +4,9 @@
 //! their bytes. Alone names the zip crate, which reads the directory once
 //! [`bounds`] has held its figures against the file, and unpacks. An entry that holds
 //! more than it announces ends in an error as soon as it does. Names are compared,
-//! never used as paths. Knows no format of resin jobs.
+//! never used as paths. [`write`] makes archives. Knows no format of resin jobs.
+pub mod write;
+
 use super::bounds::{self, DirectoryError};
 use std::collections::HashMap;
 use std::io::{Read, Seek, SeekFrom};
@@ -21,7 +23,7 @@ pub const MAX_ENTRY_BYTES: u64 = 64 << 20;
 pub enum ArchiveError {
     /// It does not begin as a zip archive.
     #[error(
-        "not a zip archive: it begins with {begins:02x?} instead of \"PK\"; give a .sl1 or .nanodlp file as the slicer wrote it"
+        "not a zip archive: it begins with {begins:02x?} instead of \"PK\", and not GOO either; give a .sl1, .nanodlp or .goo file as the slicer wrote it"
     )]
     NotZip {
         /// Its first bytes, at most four.

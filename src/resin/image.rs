@@ -1,8 +1,14 @@
-//! One layer's picture: PNG bytes to rows of brightness.
+//! One layer's picture: PNG bytes, or runs, to rows of brightness.
 //!
-//! Takes the bytes of a PNG file and what the job says of it ([`Panel`]), gives its
+//! Takes the bytes of a PNG file, or GOO's runs, and what the job says of it ([`Panel`]), gives its
 //! rows from the top as 8-bit brightness, one a time, so that a picture of any
 //! allowed size costs the memory of a few rows. Knows no archive and no millimetre.
+mod colour;
+pub mod pack;
+
+pub(super) use colour::coloured;
+
+use super::goo::runs::{self, RunsError};
 use png::{ColorType, Decoder, DecodingError, Limits, Transformations};
 use std::io::Cursor;
 
@@ -35,6 +41,8 @@ pub enum Packing {
     /// Red, green and blue of a pixel are three neighbours of a monochrome panel, which
     /// is three times as wide as the picture (NanoDLP's "RGB" panels).
     Subpixels,
+    /// Runs of one brightness (GOO); a pixel of the picture is one of the panel.
+    Runs,
 }
 
 /// A picture in memory.
@@ -54,6 +62,9 @@ pub enum ImageError {
     /// It is no PNG file, or it is cut off or damaged.
     #[error("the picture cannot be read ({0}); export the job again")]
     Png(#[from] DecodingError),
+    /// The same of a picture of runs.
+    #[error("the picture cannot be read ({0}); export the job again")]
+    Runs(#[from] RunsError),
     /// Larger than any panel.
     #[error("the picture has {width} × {height} px, at most {MAX_SIDE_PX} along a side are read")]
     TooLarge {
@@ -111,7 +122,7 @@ impl Panel {
     #[must_use]
     pub fn picture_px(self) -> [u32; 2] {
         match self.packing {
-            Packing::Grey => [self.width_px, self.height_px],
+            Packing::Grey | Packing::Runs => [self.width_px, self.height_px],
             Packing::Subpixels => [self.width_px.div_ceil(3), self.height_px],
         }
     }
@@ -121,8 +132,11 @@ impl Panel {
     ///
     /// # Errors
     /// The picture is damaged, too large, of another size, or not grey.
-    pub fn rows(self, png: &[u8], mut show: impl FnMut(&[u8])) -> Result<(), ImageError> {
-        let mut decoder = decoder(png);
+    pub fn rows(self, packed: &[u8], mut show: impl FnMut(&[u8])) -> Result<(), ImageError> {
+        if self.packing == Packing::Runs {
+            return Ok(runs::rows(packed, [self.width_px, self.height_px], show)?);
+        }
+        let mut decoder = decoder(packed);
         let (size, interlaced) = {
             let info = decoder.read_header_info()?;
             (info.size(), info.interlaced)
@@ -165,9 +179,9 @@ impl Panel {
     ///
     /// # Errors
     /// As [`Panel::rows`].
-    pub fn image(self, png: &[u8]) -> Result<Image, ImageError> {
+    pub fn image(self, packed: &[u8]) -> Result<Image, ImageError> {
         let mut pixels = Vec::new();
-        self.rows(png, |row| pixels.extend_from_slice(row))?;
+        self.rows(packed, |row| pixels.extend_from_slice(row))?;
         Ok(Image { width_px: self.width_px, height_px: self.height_px, pixels })
     }
 }

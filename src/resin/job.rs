@@ -3,7 +3,10 @@
 //! Takes what a format read of an archive's settings, gives the layers' pictures one
 //! at a time. Knows no format, no polygon and no file system.
 use super::archive::{Archive, ArchiveError, MAX_ENTRY_BYTES};
+use super::goo::{Goo, GooError};
 use super::image::{Image, ImageError, Panel};
+use super::recipe::Recipe;
+use std::borrow::Cow;
 use std::io::{Read, Seek};
 use std::ops::RangeInclusive;
 
@@ -27,12 +30,47 @@ pub enum Format {
     Sl1,
     /// NanoDLP's plates.
     NanoDlp,
+    /// Elegoo's GOO, version V3.0.
+    Goo,
+}
+
+impl Format {
+    /// What machines call it, and what its files' names end in.
+    #[must_use]
+    pub fn key(self) -> &'static str {
+        match self {
+            Format::Sl1 => "sl1",
+            Format::NanoDlp => "nanodlp",
+            Format::Goo => "goo",
+        }
+    }
+
+    /// The format of files whose name ends so behind the last dot, in whatever case.
+    #[must_use]
+    pub fn of_ending(ending: &str) -> Option<Format> {
+        let ending = ending.to_ascii_lowercase();
+        // SL1S is another printer, not another format.
+        let known =
+            [("sl1s", Format::Sl1), ("sl1", Format::Sl1), ("nanodlp", Format::NanoDlp), ("goo", Format::Goo)];
+        known.into_iter().find(|(name, _)| *name == ending).map(|(_, format)| format)
+    }
+}
+
+impl std::fmt::Display for Format {
+    /// What people call it.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Format::Sl1 => "SL1",
+            Format::NanoDlp => "NanoDLP",
+            Format::Goo => "GOO",
+        })
+    }
 }
 
 /// A layer of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JobLayer {
-    /// Entry of the archive that holds its picture.
+    /// Which of the entries, or of the layers of a file that is no archive, holds its picture.
     pub(super) entry: usize,
     /// Height where it ends, mm above the plate.
     pub top_mm: f64,
@@ -74,6 +112,9 @@ pub enum JobError {
     /// The archive itself.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
+    /// A GOO file itself.
+    #[error(transparent)]
+    Goo(#[from] GooError),
     /// An archive of something else.
     #[error(
         "the archive is no resin job that is read here: it has neither config.ini (SL1) nor plate.json, options.json or slicer.json (NanoDLP); it begins with {first:?}"
@@ -168,14 +209,24 @@ pub enum JobError {
     },
 }
 
+/// Where a job's pictures are.
+#[derive(Debug)]
+pub(super) enum Source<R> {
+    /// A zip: an entry a layer.
+    Archive(Archive<R>),
+    /// A GOO file.
+    Goo(Goo<R>),
+}
+
 /// An open job.
 #[derive(Debug)]
 pub struct Job<R> {
-    pub(super) archive: Archive<R>,
+    pub(super) source: Source<R>,
     pub(super) format: Format,
     pub(super) panel: Panel,
     pub(super) placement: Placement,
     pub(super) layers: Vec<JobLayer>,
+    pub(super) recipe: Recipe,
 }
 
 impl<R: Read + Seek> Job<R> {
@@ -203,38 +254,61 @@ impl<R: Read + Seek> Job<R> {
         &self.layers
     }
 
-    /// Name of the archive's entry that holds a layer's picture; empty beyond the last.
+    /// How it is to be printed, as far as its settings tell.
     #[must_use]
-    pub fn entry_name(&self, layer: u32) -> &str {
-        self.layers.get(layer as usize).map_or("", |l| self.archive.name(l.entry))
+    pub fn recipe(&self) -> &Recipe {
+        &self.recipe
     }
 
-    /// Bytes that a layer's picture announces, packed as PNG.
+    /// What holds a layer's picture, for messages: the name of an archive's entry, or
+    /// where in the file; empty beyond the last layer.
     #[must_use]
-    pub fn png_bytes(&self, layer: u32) -> u64 {
-        self.layers.get(layer as usize).map_or(0, |l| self.archive.announced(l.entry))
+    pub fn entry_name(&self, layer: u32) -> Cow<'_, str> {
+        let Some(found) = self.layers.get(layer as usize) else { return Cow::Borrowed("") };
+        match &self.source {
+            Source::Archive(archive) => Cow::Borrowed(archive.name(found.entry)),
+            Source::Goo(goo) => Cow::Owned(goo.name(found.entry)),
+        }
     }
 
-    /// The PNG bytes of a layer's picture, from 0 at the plate: what
+    /// Bytes that a layer's picture announces, packed; 0 beyond the last layer.
+    #[must_use]
+    pub fn packed_bytes(&self, layer: u32) -> u64 {
+        let Some(found) = self.layers.get(layer as usize) else { return 0 };
+        match &self.source {
+            Source::Archive(archive) => archive.announced(found.entry),
+            Source::Goo(goo) => goo.packed_bytes(found.entry),
+        }
+    }
+
+    /// A layer's picture as the job holds it, from 0 at the plate: what
     /// [`Panel::rows`] of [`Job::panel`] reads, on any thread.
     ///
     /// # Errors
-    /// There is no such layer, or the archive is damaged there.
-    pub fn png(&mut self, layer: u32) -> Result<Vec<u8>, JobError> {
+    /// There is no such layer, or the file is damaged there.
+    pub fn packed(&mut self, layer: u32) -> Result<Vec<u8>, JobError> {
         let Some(found) = self.layers.get(layer as usize) else {
             return Err(JobError::LayerMissing { layer, name: "such picture".to_owned() });
         };
-        Ok(self.archive.read(found.entry, MAX_ENTRY_BYTES)?)
+        match &mut self.source {
+            Source::Archive(archive) => Ok(archive.read(found.entry, MAX_ENTRY_BYTES)?),
+            Source::Goo(goo) => Ok(goo.packed(found.entry)?),
+        }
     }
 
     /// A layer's picture, from 0 at the plate.
     ///
     /// # Errors
-    /// As [`Job::png`], and when the picture cannot be read.
+    /// As [`Job::packed`], and when the picture cannot be read.
     pub fn image(&mut self, layer: u32) -> Result<Image, JobError> {
-        let png = self.png(layer)?;
-        let entry = self.entry_name(layer).to_owned();
-        self.panel.image(&png).map_err(|source| JobError::Picture { layer, entry, source })
+        let packed = self.packed(layer)?;
+        self.panel.image(&packed).map_err(|source| self.picture_error(layer, source))
+    }
+
+    /// What was wrong with a layer's picture, and where.
+    #[must_use]
+    pub fn picture_error(&self, layer: u32, source: ImageError) -> JobError {
+        JobError::Picture { layer, entry: self.entry_name(layer).into_owned(), source }
     }
 }
 

@@ -8,9 +8,14 @@
 //! the picture lies over the plate (taken as upright, mirrored left to right where
 //! `ImageMirror` is not 0), and the exposure of transitional layers. Knows no
 //! picture's content.
+pub(super) mod write;
+
 use super::archive::{Archive, MAX_ENTRY_BYTES};
 use super::image::{ImageError, MAX_SIDE_PX, Packing, Panel, size_px};
-use super::job::{EXPOSURE_S, Format, Job, JobError, JobLayer, LAYER_MM, PIXEL_MM, Placement, in_order};
+use super::job::{
+    EXPOSURE_S, Format, Job, JobError, JobLayer, LAYER_MM, PIXEL_MM, Placement, Source, in_order,
+};
+use super::recipe::{Recipe, Stage, Way};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::io::{Read, Seek};
@@ -56,6 +61,20 @@ struct Profile {
     support_cure_time: Option<f64>,
     support_layer_number: Option<f64>,
     transitional_layer: Option<f64>,
+    /// The name of the resin's profile.
+    title: Option<String>,
+    /// How far the plate is lifted, mm.
+    wait_height: Option<f64>,
+    support_wait_height: Option<f64>,
+    /// Waits between exposure and lift, at the top, and before the exposure, s.
+    wait_after_print: Option<f64>,
+    support_wait_after_print: Option<f64>,
+    top_wait: Option<f64>,
+    support_top_wait: Option<f64>,
+    wait_before_print: Option<f64>,
+    support_wait_before_print: Option<f64>,
+    /// Among other things the power of the light, 0 to 1, as text.
+    custom_values: serde_json::Map<String, serde_json::Value>,
 }
 
 /// The job, in `plate.json`.
@@ -63,6 +82,8 @@ struct Profile {
 #[serde(default, rename_all = "PascalCase")]
 struct Plate {
     layers_count: Option<f64>,
+    /// How long the print takes, s.
+    print_time: Option<f64>,
     /// Heights of the layers where they differ.
     dynamic_thickness: Option<Vec<f64>>,
 }
@@ -102,8 +123,12 @@ pub(super) fn open<R: Read + Seek>(mut archive: Archive<R>) -> Result<Job<R>, Jo
     let reverse_u = options.image_mirror.is_some_and(|m| m != 0.0);
     let placement = Placement { pixel_mm, reverse_u, reverse_v: true, swap: false };
     let thickness = Found { entry: options_name, key: "Thickness", value: options.thickness.unwrap_or(0.0) };
-    let layers = layers(thickness, &profile, &special, &entries)?;
-    Ok(Job { archive, format: Format::NanoDlp, panel, placement, layers })
+    let recipe = Recipe {
+        print_time_s: plate.print_time.filter(|s| (1.0..=1e8).contains(s)),
+        ..recipe(&profile, &special)?
+    };
+    let layers = layers(height_mm(thickness, &profile, &special)?, &recipe, &entries);
+    Ok(Job { source: Source::Archive(archive), format: Format::NanoDlp, panel, placement, layers, recipe })
 }
 
 /// The number in `12.png`; leading zeros are allowed, other names are no layers.
@@ -195,48 +220,67 @@ fn panel<R: Read + Seek>(
     Ok(panel)
 }
 
-fn layers(
-    thickness: Found,
-    profile: &Profile,
-    special: &Profile,
-    entries: &[usize],
-) -> Result<Vec<JobLayer>, JobError> {
+/// The height of a layer, mm.
+fn height_mm(thickness: Found, profile: &Profile, special: &Profile) -> Result<f64, JobError> {
     let um = LAYER_MM.start() * 1000.0..=LAYER_MM.end() * 1000.0;
     let depth = special.depth.or(profile.depth).filter(|&d| d != 0.0);
-    let height_mm = match (thickness.value != 0.0, depth) {
+    let height_um = match (thickness.value != 0.0, depth) {
         (false, Some(value)) => checked(&Found { entry: PROFILE, key: "Depth", value }, um, " µm")?,
         (false, None) => {
             let needed = "the height of a layer is unknown without it";
             return Err(JobError::NoSetting { entry: PROFILE.to_owned(), key: "Depth", needed });
         }
         (true, _) => checked(&thickness, um, " µm")?,
-    } / 1000.0;
-    let setting = |key, special: Option<f64>, usual: Option<f64>, range: RangeInclusive<f64>| {
-        let entry = if special.is_some() { OVERRIDE } else { PROFILE };
-        special.or(usual).map(|value| checked(&Found { entry, key, value }, range, "")).transpose()
+    };
+    Ok(height_um / 1000.0)
+}
+
+/// What the profile tells of the print, and what was set for this plate only. The
+/// transitional layers lie evenly between the first layers' exposure and the others'.
+fn recipe(profile: &Profile, special: &Profile) -> Result<Recipe, JobError> {
+    let setting = |key, value: fn(&Profile) -> Option<f64>, range: RangeInclusive<f64>| {
+        let entry = if value(special).is_some() { OVERRIDE } else { PROFILE };
+        let told = value(special).or(value(profile));
+        told.map(|value| checked(&Found { entry, key, value }, range, "")).transpose()
     };
     let counted = || 0.0..=1e6;
-    let others_s = setting("CureTime", special.cure_time, profile.cure_time, EXPOSURE_S)?.unwrap_or(0.0);
-    let first_s =
-        setting("SupportCureTime", special.support_cure_time, profile.support_cure_time, EXPOSURE_S)?;
-    let first_s = first_s.unwrap_or(others_s);
-    let firsts =
-        setting("SupportLayerNumber", special.support_layer_number, profile.support_layer_number, counted())?;
-    let fade =
-        setting("TransitionalLayer", special.transitional_layer, profile.transitional_layer, counted())?;
-    let (firsts, fade) = (firsts.unwrap_or(0.0), fade.unwrap_or(0.0));
-    // The transitional layers lie evenly between the first layers' exposure and the others'.
-    let exposure_s = |i: usize| {
-        let past = (i as f64 + 1.0 - firsts).clamp(0.0, fade + 1.0);
-        first_s + (others_s - first_s) * past / (fade + 1.0)
+    let others_s = setting("CureTime", |p| p.cure_time, EXPOSURE_S)?.unwrap_or(0.0);
+    let first_s = setting("SupportCureTime", |p| p.support_cure_time, EXPOSURE_S)?.unwrap_or(others_s);
+    let firsts = setting("SupportLayerNumber", |p| p.support_layer_number, counted())?.unwrap_or(0.0);
+    let fade = setting("TransitionalLayer", |p| p.transitional_layer, counted())?.unwrap_or(0.0);
+    // For what only other formats take: no job is refused for one of these.
+    let told = |value: fn(&Profile) -> Option<f64>, range: RangeInclusive<f64>| {
+        value(special).or(value(profile)).filter(|v| range.contains(v))
     };
+    let power = |p: &Profile| p.custom_values.get("UvPwmValue").and_then(|v| v.as_str()?.parse().ok());
+    let light = power(special).or(power(profile)).filter(|v| (0.0..=1.0).contains(v));
+    let stage = |exposure_s, lift: fn(&Profile) -> Option<f64>, waits: [fn(&Profile) -> Option<f64>; 3]| {
+        let lift = Way { mm: told(lift, 0.0..=1000.0).filter(|&mm| mm > 0.0), mm_min: None };
+        let waits_s = waits.map(|wait| told(wait, EXPOSURE_S));
+        Stage { exposure_s, lift: [lift, Way::default()], retract: [Way::default(); 2], waits_s, light }
+    };
+    let waits: [fn(&Profile) -> Option<f64>; 3] =
+        [|p| p.wait_after_print, |p| p.top_wait, |p| p.wait_before_print];
+    let first_waits: [fn(&Profile) -> Option<f64>; 3] =
+        [|p| p.support_wait_after_print, |p| p.support_top_wait, |p| p.support_wait_before_print];
+    Ok(Recipe {
+        bottom: stage(first_s, |p| p.support_wait_height, first_waits),
+        usual: stage(others_s, |p| p.wait_height, waits),
+        bottom_layers: firsts.round() as u32,
+        transition_layers: fade.round() as u32,
+        resin: special.title.clone().or(profile.title.clone()).unwrap_or_default(),
+        ..Recipe::default()
+    })
+}
+
+fn layers(height_mm: f64, recipe: &Recipe, entries: &[usize]) -> Vec<JobLayer> {
     let layer = |(i, &entry): (usize, &usize)| JobLayer {
         entry,
         top_mm: height_mm * (i + 1) as f64,
         height_mm,
-        exposure_s: exposure_s(i),
+        exposure_s: recipe.exposure_s(i as u32),
     };
-    Ok(entries.iter().enumerate().map(layer).collect())
+    entries.iter().enumerate().map(layer).collect()
 }
 
 #[cfg(test)]

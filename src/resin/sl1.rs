@@ -4,9 +4,14 @@
 //! Takes an archive, gives a [`Job`]. The keys are those of PrusaSlicer's files; how
 //! the picture lies over the plate is the inverse of what PrusaSlicer does when it
 //! draws it. Knows no picture's content.
+pub(super) mod write;
+
 use super::archive::Archive;
 use super::image::{Packing, Panel, size_px};
-use super::job::{EXPOSURE_S, Format, Job, JobError, JobLayer, LAYER_MM, PIXEL_MM, Placement, in_order};
+use super::job::{
+    EXPOSURE_S, Format, Job, JobError, JobLayer, LAYER_MM, PIXEL_MM, Placement, Source, in_order,
+};
+use super::recipe::{Recipe, Stage};
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 use std::ops::RangeInclusive;
@@ -37,8 +42,9 @@ pub(super) fn open<R: Read + Seek>(mut archive: Archive<R>) -> Result<Job<R>, Jo
     let entries = in_order(&archive, 0..=0, &pattern, |n| layer_number(n, &prefix), name)?;
     announced(&config, entries.len())?;
     let (panel, placement) = panel(&mut archive, &slicer, entries[0])?;
-    let layers = layers(&config, &slicer, &entries)?;
-    Ok(Job { archive, format: Format::Sl1, panel, placement, layers })
+    let recipe = recipe(&config, &slicer)?;
+    let layers = layers(&config, &slicer, &entries, &recipe)?;
+    Ok(Job { source: Source::Archive(archive), format: Format::Sl1, panel, placement, layers, recipe })
 }
 
 /// The number in `<prefix>NNNNN.png`.
@@ -70,18 +76,41 @@ fn slicer_settings<R: Read + Seek>(archive: &mut Archive<R>) -> Result<Ini, JobE
     Ini::read(archive, &name)
 }
 
-/// Exposure of a layer, s: `expTimeFirst` fades over `numFade` layers to `expTime`,
-/// as the printer's firmware does it.
-fn exposure_s(layer: usize, first_s: f64, others_s: f64, fade: f64) -> f64 {
-    let layer = layer as f64;
-    if layer < fade { others_s + (first_s - others_s) * (fade - layer) / fade } else { others_s }
-}
-
-fn layers(config: &Ini, slicer: &Ini, entries: &[usize]) -> Result<Vec<JobLayer>, JobError> {
-    let height_mm = config.within("layerHeight", LAYER_MM, "it is the height of a layer in mm")?;
+/// What the settings tell of the print. `expTimeFirst` fades over `numFade` layers to
+/// `expTime`, as the printer's firmware does it: one layer on the plate, the others of
+/// them between. Lift and waits are the printer's own.
+fn recipe(config: &Ini, slicer: &Ini) -> Result<Recipe, JobError> {
     let others_s = config.within("expTime", EXPOSURE_S, "it is the exposure in s")?;
     let first_s = config.optional("expTimeFirst", EXPOSURE_S)?.unwrap_or(others_s);
-    let fade = config.optional("numFade", 0.0..=MAX_FADE)?.unwrap_or(0.0);
+    let fade = config.optional("numFade", 0.0..=MAX_FADE)?.unwrap_or(0.0).round() as u32;
+    let stage = |exposure_s| Stage { exposure_s, ..Stage::default() };
+    // For people only: no job is refused for one of these.
+    let number = |ini: &Ini, key| ini.get(key).and_then(|v| v.parse::<f64>().ok());
+    let told = |ini, key, within: RangeInclusive<f64>| number(ini, key).filter(|v| within.contains(v));
+    let text = |keys: [&str; 2]| keys.iter().find_map(|key| config.get(key)).unwrap_or_default().to_owned();
+    Ok(Recipe {
+        bottom: stage(first_s),
+        usual: stage(others_s),
+        bottom_layers: fade.min(1),
+        transition_layers: fade.saturating_sub(1),
+        print_time_s: told(config, "printTime", 1.0..=1e8),
+        resin_mm3: told(config, "usedMaterial", 1e-6..=1e6).map(|ml| ml * 1000.0),
+        machine_z_mm: told(slicer, "max_print_height", 1.0..=10_000.0),
+        printer: text(["printerModel", "printerProfile"]),
+        resin: text(["materialName", "printProfile"]),
+        pauses: Vec::new(),
+        created: config.get("fileCreationTimestamp").and_then(created),
+    })
+}
+
+/// `2026-11-22 at 04:39:04 UTC` without its words.
+fn created(text: &str) -> Option<String> {
+    let (day, time) = text.strip_suffix(" UTC")?.split_once(" at ")?;
+    (day.len() == 10 && time.len() == 8).then(|| format!("{day} {time}"))
+}
+
+fn layers(config: &Ini, slicer: &Ini, entries: &[usize], recipe: &Recipe) -> Result<Vec<JobLayer>, JobError> {
+    let height_mm = config.within("layerHeight", LAYER_MM, "it is the height of a layer in mm")?;
     // PrusaSlicer takes the layer height where this is 0.
     let first_mm = match slicer.optional("initial_layer_height", 0.0..=*LAYER_MM.end())? {
         Some(mm) if LAYER_MM.contains(&mm) => mm,
@@ -91,7 +120,7 @@ fn layers(config: &Ini, slicer: &Ini, entries: &[usize]) -> Result<Vec<JobLayer>
         entry,
         top_mm: first_mm + height_mm * i as f64,
         height_mm: if i == 0 { first_mm } else { height_mm },
-        exposure_s: exposure_s(i, first_s, others_s, fade),
+        exposure_s: recipe.exposure_s(i as u32),
     };
     Ok(entries.iter().enumerate().map(layer).collect())
 }
@@ -142,15 +171,18 @@ struct Ini {
 
 impl Ini {
     fn read<R: Read + Seek>(archive: &mut Archive<R>, entry: &str) -> Result<Ini, JobError> {
-        let bytes = archive.read_named(entry, MAX_SETTINGS_BYTES)?;
-        let text = String::from_utf8_lossy(&bytes);
+        Ok(Ini::of(entry, &archive.read_named(entry, MAX_SETTINGS_BYTES)?))
+    }
+
+    fn of(entry: &str, bytes: &[u8]) -> Ini {
+        let text = String::from_utf8_lossy(bytes);
         let pair = |line: &str| {
             let (key, value) = line.split_once('=')?;
             Some((key.trim().to_owned(), value.trim().to_owned()))
         };
         let lines = text.trim_start_matches('\u{feff}').lines();
         let keys = lines.filter(|l| !l.trim_start().starts_with(['#', ';'])).filter_map(pair).collect();
-        Ok(Ini { entry: entry.to_owned(), keys })
+        Ini { entry: entry.to_owned(), keys }
     }
 
     fn get(&self, key: &str) -> Option<&str> {
@@ -234,9 +266,18 @@ mod tests {
 
     #[test]
     fn exposure_fades_as_the_firmware_does() {
-        let found: Vec<f64> = (0..6).map(|i| exposure_s(i, 45.0, 12.0, 4.0)).collect();
-        assert_eq!(found, [45.0, 36.75, 28.5, 20.25, 12.0, 12.0]);
-        assert_eq!(exposure_s(0, 45.0, 12.0, 0.0), 12.0);
+        let check = |fade: &str, expect: &[f64]| {
+            let text =
+                sl1_config(3).replace("expTime = 5", "expTime = 12").replace("First = 25", "First = 45");
+            let config = Ini::of("config.ini", text.replace("numFade = 4", fade).as_bytes());
+            let recipe = recipe(&config, &Ini::of("prusaslicer.ini", b"")).expect("a recipe");
+            let found: Vec<f64> = (0..expect.len() as u32).map(|i| recipe.exposure_s(i)).collect();
+            assert_eq!(found, expect, "{fade}");
+        };
+        check("numFade = 4", &[45.0, 36.75, 28.5, 20.25, 12.0, 12.0]);
+        check("numFade = 1", &[45.0, 12.0]);
+        check("numFade = 0", &[12.0, 12.0]);
+        check("", &[12.0, 12.0]);
     }
 
     #[test]

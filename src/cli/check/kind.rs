@@ -1,6 +1,7 @@
 //! What a file is, told by its content; its name is a hint only where the content
 //! would allow more than one answer.
 use super::super::files;
+use crate::resin;
 use anyhow::Context;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -22,8 +23,8 @@ pub(super) enum Kind {
     Stl,
     /// G-code, text or binary.
     Gcode,
-    /// A zip: a resin job.
-    Archive,
+    /// A resin job: a zip, or GOO.
+    Resin,
 }
 
 impl Kind {
@@ -32,7 +33,7 @@ impl Kind {
         match self {
             Kind::Stl => "a model",
             Kind::Gcode => "G-code",
-            Kind::Archive => "a resin job",
+            Kind::Resin => "a resin job",
         }
     }
 }
@@ -69,13 +70,13 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Opened> {
 
 /// What the beginning and the length of a file make it.
 fn told(beginning: &[u8], bytes: u64, named_stl: bool) -> Result<Kind, &'static str> {
-    if beginning.starts_with(b"PK\x03\x04") || beginning.starts_with(b"PK\x05\x06") {
+    if resin::may_be_job(beginning) {
         // 3MF is a zip too; its first entries are these.
         let name = beginning.get(30..).unwrap_or_default();
         if [&b"[Content_Types].xml"[..], b"3D/", b"_rels/"].iter().any(|n| name.starts_with(n)) {
             return Err("it is a 3MF model; export it as STL");
         }
-        return Ok(Kind::Archive);
+        return Ok(Kind::Resin);
     }
     if beginning.starts_with(b"GCDE") {
         return Ok(Kind::Gcode);
@@ -99,7 +100,7 @@ fn told(beginning: &[u8], bytes: u64, named_stl: bool) -> Result<Kind, &'static 
         return Ok(Kind::Stl);
     }
     if binary {
-        return Err("it is none of STL, G-code, SL1 and NanoDLP; export or slice it again");
+        return Err("it is none of STL, G-code, SL1, NanoDLP and GOO; export or slice it again");
     }
     if looks_like_gcode(beginning) {
         return Ok(Kind::Gcode);
@@ -156,8 +157,11 @@ mod tests {
         let check = |beginning: &[u8], bytes: u64, expect: Option<Kind>| {
             assert_eq!(told(beginning, bytes, false).ok(), expect, "{}", String::from_utf8_lossy(beginning));
         };
-        check(b"PK\x03\x04...", 99, Some(Kind::Archive));
+        check(b"PK\x03\x04...", 99, Some(Kind::Resin));
         check(b"PK\x03\x04..........................3D/3dmodel.model", 99, None);
+        check(b"V3.0\x07\0\0\0DLP\0slicer", 99, Some(Kind::Resin));
+        check(b"V5.1\x07\0\0\0DLP\0slicer", 99, Some(Kind::Resin));
+        check(b"V3.0\x07\0\0\0DLQ\0slicer", 99, None);
         check(b"GCDE\x01", 99, Some(Kind::Gcode));
         check(&stl("solid of an exporter", 2), 184, Some(Kind::Stl));
         check(&stl("G1 X1", 2), 184, Some(Kind::Stl));

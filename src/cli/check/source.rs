@@ -14,7 +14,6 @@ use crate::layers::stack::Layers;
 use crate::mesh::{self, place};
 use crate::report::check::{Report, Rules};
 use crate::report::survey::Survey;
-use crate::resin::job::Format;
 use anyhow::Context;
 use std::fs::File;
 use std::io::BufReader;
@@ -41,7 +40,7 @@ pub(super) fn check(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let mut checked = match opened.kind {
         Kind::Stl => mesh(args, opened),
         Kind::Gcode => gcode(args, opened),
-        Kind::Archive => archive(args, opened),
+        Kind::Resin => resin(args, opened),
     }
     .with_context(|| files::display_name(&args.file))?;
     checked.report.seconds.total = started.elapsed().as_secs_f64();
@@ -212,14 +211,11 @@ fn tracing_words(facts: &from_gcode::Facts) -> Vec<String> {
     words
 }
 
-fn archive(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
+fn resin(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let started = Instant::now();
     let (told, rules) = rules(args, "resin-standard")?;
     let job = crate::resin::open(BufReader::with_capacity(BUFFER_BYTES, opened.file))?;
-    let kind = match job.format() {
-        Format::Sl1 => "sl1",
-        Format::NanoDlp => "nanodlp",
-    };
+    let kind = job.format().key();
     let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
     report.seconds.read = started.elapsed().as_secs_f64();
     let mut layers: FromImages<BufReader<File>> = FromImages::new(job);
