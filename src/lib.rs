@@ -9,5 +9,6 @@ pub mod printer;
 pub mod profile;
 pub mod report;
 pub mod resin;
+pub mod support;
 pub mod toolpath;
 pub mod units;

@@ -1,0 +1,2 @@
+//! What holds the part: supports.
+pub mod section;
