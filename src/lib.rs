@@ -3,6 +3,7 @@ pub mod cli;
 pub mod detect;
 pub mod job;
 pub mod layers;
+pub mod merge;
 pub mod mesh;
 pub mod post;
 pub mod printer;

@@ -14,6 +14,7 @@ const RULES: &[(&str, &[&str])] = &[
     ("detect", &["layers", "mesh", "units"]),
     ("toolpath", &["layers", "units"]),
     ("support", &["detect", "layers", "mesh", "units"]),
+    ("merge", &["layers", "post", "support", "toolpath", "units"]),
     ("profile", &["units"]),
     ("printer", &["units"]),
     ("job", &["printer", "units"]),

@@ -56,7 +56,8 @@ fn a_raster_has_its_angle_its_spacing_and_goes_around_holes() {
     // At 1, 3 and 5 mm, of which 3 goes through the hole; at 0 too, not at 6.
     check(1.0, 0.0, Phase::Grid, 6 + 2, 4.0 * 6.0 + 2.0 * 4.0);
     check(1.0, 90.0, Phase::Grid, 6 + 2, 4.0 * 6.0 + 2.0 * 4.0);
-    check(2.0, 0.0, Phase::Fitted, 4 + 1, 3.0 * 6.0 + 4.0);
+    // At both borders, and twice through the hole.
+    check(2.0, 0.0, Phase::Fitted, 4 + 2, 2.0 * 6.0 + 2.0 * 4.0);
     assert!(raster(&Region::default(), 1.0, 0.0, Phase::Grid).is_empty());
     assert!(!raster(&frame, 0.0, f64::NAN, Phase::Grid).iter().any(|p| p.points.len() < 2));
 }
@@ -128,11 +129,14 @@ proptest! {
         prop_assert!(beyond.area_mm2() < 1e-3, "{} mm² beyond", beyond.area_mm2());
         let beyond = difference(&printed(&spots, width), &grow(&region, width));
         prop_assert!(beyond.area_mm2() < 1e-3, "{} mm² of spots beyond", beyond.area_mm2());
-        // What a bead fits into is covered: all but the gaps that round ends and corners leave.
+        // What a bead fits into is covered, but for what round ends and corners leave, and
+        // without rings the lines' ends along the border.
         let fits = grow(&grow(&region, -width / 2.0), width / 2.0);
         let all: Vec<Path> = lines.into_iter().chain(spots).collect();
         let bare = difference(&fits, &printed(&all, width));
-        prop_assert!(bare.area_mm2() <= 0.12 * fits.area_mm2() + 0.2, "{} of {}", bare.area_mm2(), fits.area_mm2());
+        let around: f64 = region.rings().map(|r| closed(r).length_mm()).sum();
+        let most = 0.03 * fits.area_mm2() + if rings == 0 { 0.3 } else { 0.15 } * width * around;
+        prop_assert!(bare.area_mm2() <= most, "{} of {}, {} around", bare.area_mm2(), fits.area_mm2(), around);
         for polygon in &region.polygons {
             let touched = all.iter().any(|p| p.points.iter().chain([&middle(p)]).any(|q| polygon.place(Grid::from_mm(q[0], q[1])) != Place::Outside));
             prop_assert!(touched, "a polygon of {} mm² has no bead", polygon.area_mm2());
