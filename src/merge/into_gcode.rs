@@ -50,8 +50,10 @@ pub struct Options {
     pub clearance_mm: f64,
     /// And of everything else that the file prints: skirt, tower, prime lines, its own supports.
     pub aid_clearance_mm: f64,
-    /// Along the border of each branch.
+    /// Along the border of thick branches; thinner ones have one.
     pub rings: usize,
+    /// Branches with a larger section than this are thick, mm²; so is all that lies on the plate.
+    pub thick_mm2: f64,
     /// From line to line inside of thick branches, mm; infinite: hollow.
     pub spacing_mm: f64,
     /// Between the edges of the interface's lines, mm.
@@ -68,6 +70,7 @@ impl Default for Options {
             clearance_mm: 0.2,
             aid_clearance_mm: 0.3,
             rings: 2,
+            thick_mm2: 3.0,
             spacing_mm: 2.0,
             interface_gap_mm: 0.2,
             angle_deg: 0.0,
@@ -256,10 +259,12 @@ fn survey(
     Ok(surveyor.finish()?)
 }
 
-/// A layer on its way: read, planned, woven.
+/// A layer on its way: read, planned, woven, written.
 struct Done {
     layer: Layer,
     made: Option<(plan::Plan, Woven)>,
+    /// What a reader will find, where that is not the input.
+    found: Option<Vec<u8>>,
 }
 
 struct Job<'a> {
@@ -269,8 +274,7 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Reads the next layers while it makes those before them, and proves and writes
-    /// those before these.
+    /// Reads the next layers while those before them are made, and those before these proved.
     fn run(
         &self,
         reader: impl BufRead + Send,
@@ -282,21 +286,19 @@ impl Job<'_> {
         let mut layers = Layers::new(reader, self.survey.dialect).without_covers();
         let mut verifier = Verifier::new(self.survey, self.options);
         let mut read = batch(&mut layers)?;
-        while !read.is_empty() {
-            let made = std::mem::take(&mut read);
-            let (next, made) = rayon::join(|| batch(&mut layers), || self.make(made));
-            read = next?;
-            for mut done in made? {
+        let mut written: Vec<Done> = Vec::new();
+        while !read.is_empty() || !written.is_empty() {
+            let (next, (made, proved)) = rayon::join(
+                || batch(&mut layers),
+                || rayon::join(|| self.make(read), || prove(&mut verifier, &written)),
+            );
+            proved?;
+            (read, written) = (next?, made?);
+            for done in &mut written {
                 let (number, input) = (done.layer.number, done.layer.input());
                 report.layers = report.layers.max(number);
                 let text = done.made.as_mut().map(|(_, woven)| std::mem::take(&mut woven.text));
-                let found = output.put(text, input).map_err(Failure::Write)?;
-                let made = done.made.as_ref().map(|(plan, woven)| Made {
-                    text: found.as_deref().unwrap_or(input),
-                    added: &woven.added,
-                    plan,
-                });
-                verifier.layer(number, input, made)?;
+                done.found = output.put(text, input).map_err(Failure::Write)?;
                 if let Some((plan, woven)) = &done.made {
                     self.count(&mut report, plan, woven);
                 }
@@ -329,7 +331,7 @@ impl Job<'_> {
             }
             _ => None,
         };
-        Ok(Done { layer, made })
+        Ok(Done { layer, made, found: None })
     }
 
     fn count(&self, report: &mut MergeReport, plan: &plan::Plan, woven: &Woven) {
@@ -344,6 +346,17 @@ impl Job<'_> {
         report.clipped_by_aids.join(&plan.clipped[1]);
         report.clipped_by_bed.join(&plan.clipped[2]);
     }
+}
+
+/// The layers as they were read and as they were written.
+fn prove(verifier: &mut Verifier, layers: &[Done]) -> Result<(), Difference> {
+    for done in layers {
+        let input = done.layer.input();
+        let text = done.found.as_deref().unwrap_or(input);
+        let made = done.made.as_ref().map(|(plan, woven)| Made { text, added: &woven.added, plan });
+        verifier.layer(done.layer.number, input, made)?;
+    }
+    Ok(())
 }
 
 /// The next layers, none at the end.

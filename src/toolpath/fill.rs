@@ -5,12 +5,13 @@
 //! inside it. A raster is straight lines at an angle. What is narrower than a line is
 //! no ring and no raster: it gets lines along its middle, or a dot, never nothing.
 //! Knows no height, no speed and no filament.
+mod inset;
 mod scan;
 mod spot;
 
 use super::bead::Point;
-use crate::layers::polygon::grow;
 use crate::layers::shape::{Polygon, Region};
+use inset::inset;
 use scan::{Frame, intervals};
 
 /// Rings and lines lie nearer than this to each other nowhere, mm: a smaller width or
@@ -92,8 +93,8 @@ pub fn fill(region: &Region, how: &Fill) -> Vec<Path> {
     let (mut paths, mut left) = rings(region, how.width_mm, how.rings);
     if how.spacing_mm.is_finite() && !left.is_empty() {
         let width = how.width_mm.max(LEAST_SPACING_MM);
-        let inset = if how.rings > 0 { 0.5 - OVERLAP } else { 0.5 };
-        left = grow(&left, -inset * width);
+        let room = if how.rings > 0 { 0.5 - OVERLAP } else { 0.5 };
+        left = left.polygons.iter().flat_map(|p| inset(p, room * width).polygons).collect();
         paths.extend(raster(&left, how.spacing_mm, how.angle_deg, how.phase));
     }
     paths
@@ -108,24 +109,24 @@ pub fn rings(region: &Region, width_mm: f64, count: usize) -> (Vec<Path>, Region
     let mut paths = Vec::new();
     let mut left = Region::default();
     for polygon in &region.polygons {
-        let own = Region { polygons: vec![polygon.clone()] };
         let mut done = 0;
         while done < count.min(MAX_RINGS) {
-            let inset = grow(&own, -(done as f64 + 0.5) * width);
-            if inset.is_empty() {
+            let middles = inset(polygon, (done as f64 + 0.5) * width);
+            if middles.is_empty() {
                 break;
             }
-            paths.extend(inset.rings().map(|ring| closed(ring)));
+            paths.extend(middles.rings().map(|ring| closed(ring)));
             done += 1;
         }
-        let rest = if done == 0 { own } else { grow(&own, -(done as f64) * width) };
-        if done == count.min(MAX_RINGS) && (done > 0 || !grow(&rest, -width / 2.0).is_empty()) {
-            left.polygons.extend(rest.polygons);
+        let rest =
+            if done == 0 { vec![polygon.clone()] } else { inset(polygon, done as f64 * width).polygons };
+        if done == count.min(MAX_RINGS) && (done > 0 || !inset(polygon, width / 2.0).is_empty()) {
+            left.polygons.extend(rest);
             continue;
         }
         // A polygon of its own is never left out; a remainder in the middle may be too small to matter.
         let least_mm2 = if done == 0 { 0.0 } else { LEFT_AREA * width * width };
-        for narrow in rest.polygons.iter().filter(|p| p.area_mm2() > least_mm2) {
+        for narrow in rest.iter().filter(|p| p.area_mm2() > least_mm2) {
             paths.extend(spot::spots(narrow, width));
         }
     }

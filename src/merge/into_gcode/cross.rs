@@ -2,31 +2,61 @@
 use crate::layers::shape::{Place, Point as Grid, Polygon, Region, ring_edges};
 use crate::toolpath::bead::Point;
 
-/// Ways are told apart from supports within this, grid steps: 0.1 mm, the spread of a bead.
-const SPREAD: i32 = 1_000;
+/// Ways this near to supports lead over them, mm: the spread of a bead.
+const SPREAD_MM: f64 = 0.1;
+
+/// Boxes sorted by where they begin, so that a few are looked at for each question.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Boxes {
+    /// Low x, low y, high x, high y, and whose it is.
+    sorted: Vec<([f64; 4], usize)>,
+    widest: f64,
+}
+
+impl Boxes {
+    /// The polygons' bounds, grown, mm.
+    pub(super) fn new<'a>(polygons: impl Iterator<Item = &'a Polygon>, grown_mm: f64) -> Boxes {
+        let of = |p: &Polygon| {
+            let [low, high] = p.bounds().mm();
+            [low[0] - grown_mm, low[1] - grown_mm, high[0] + grown_mm, high[1] + grown_mm]
+        };
+        let mut sorted: Vec<([f64; 4], usize)> = polygons.enumerate().map(|(k, p)| (of(p), k)).collect();
+        sorted.sort_unstable_by(|a, b| a.0[0].total_cmp(&b.0[0]).then(a.1.cmp(&b.1)));
+        let widest = sorted.iter().map(|(b, _)| b[2] - b[0]).fold(0.0, f64::max);
+        Boxes { sorted, widest }
+    }
+
+    /// Those that share a point with the bounds of a segment.
+    pub(super) fn met(&self, a: Point, b: Point) -> impl Iterator<Item = usize> {
+        let (low, high) = ([a[0].min(b[0]), a[1].min(b[1])], [a[0].max(b[0]), a[1].max(b[1])]);
+        let from = self.sorted.partition_point(|(own, _)| own[0] < low[0] - self.widest);
+        let reached = self.sorted[from..].iter().take_while(move |(own, _)| own[0] <= high[0]);
+        reached
+            .filter(move |(own, _)| own[2] >= low[0] && own[1] <= high[1] && own[3] >= low[1])
+            .map(|(_, k)| *k)
+    }
+}
 
 /// Where supports are printed in a layer.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shadow {
     polygons: Vec<Polygon>,
+    boxes: Boxes,
 }
 
 impl Shadow {
     pub(super) fn new(regions: [&Region; 2]) -> Shadow {
-        Shadow { polygons: regions.into_iter().flat_map(|r| r.polygons.iter().cloned()).collect() }
+        let polygons: Vec<Polygon> = regions.into_iter().flat_map(|r| r.polygons.iter().cloned()).collect();
+        let boxes = Boxes::new(polygons.iter(), SPREAD_MM);
+        Shadow { polygons, boxes }
     }
 
     /// Whether a straight way leads over some of it.
     pub(super) fn meets(&self, from: Point, to: Point) -> bool {
         let (a, b) = (Grid::from_mm(from[0], from[1]), Grid::from_mm(to[0], to[1]));
-        let (low, high) = ([a.x.min(b.x), a.y.min(b.y)], [a.x.max(b.x), a.y.max(b.y)]);
-        self.polygons.iter().any(|polygon| {
-            let own = polygon.bounds();
-            let apart = high[0] < own.min.x.saturating_sub(SPREAD)
-                || high[1] < own.min.y.saturating_sub(SPREAD)
-                || low[0] > own.max.x.saturating_add(SPREAD)
-                || low[1] > own.max.y.saturating_add(SPREAD);
-            !apart && (polygon.place(a) != Place::Outside || crosses(polygon, a, b) || brushes(polygon, from, to))
+        self.boxes.met(from, to).any(|k| {
+            let polygon = &self.polygons[k];
+            crosses(polygon, a, b) || polygon.place(a) != Place::Outside || brushes(polygon, from, to)
         })
     }
 }
@@ -43,8 +73,7 @@ fn crosses(polygon: &Polygon, a: Grid, b: Grid) -> bool {
 
 /// Whether a way comes within the spread of a bead at the border.
 fn brushes(polygon: &Polygon, from: Point, to: Point) -> bool {
-    let near = f64::from(SPREAD) / crate::layers::shape::UNITS_PER_MM;
-    polygon.rings.iter().flatten().any(|p| to_segment_mm(p.mm(), [from, to]) < near)
+    polygon.rings.iter().flatten().any(|p| to_segment_mm(p.mm(), [from, to]) < SPREAD_MM)
 }
 
 /// From a point to a segment, mm.
@@ -66,7 +95,8 @@ pub(super) fn distance_mm(a: [Point; 2], b: [Point; 2]) -> f64 {
             return 0.0;
         }
     }
-    let ends = [to_segment_mm(a[0], b), to_segment_mm(a[1], b), to_segment_mm(b[0], a), to_segment_mm(b[1], a)];
+    let ends =
+        [to_segment_mm(a[0], b), to_segment_mm(a[1], b), to_segment_mm(b[0], a), to_segment_mm(b[1], a)];
     ends.into_iter().fold(f64::INFINITY, f64::min)
 }
 

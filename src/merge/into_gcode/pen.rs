@@ -48,7 +48,10 @@ impl<'a> Pen<'a> {
 
     fn format(&self, e: bool) -> Format {
         let own = if e { self.style.e_decimals } else { self.style.xyz_decimals };
-        Format { decimals: own.clamp(DECIMALS[usize::from(e)], MAX_DECIMALS), bare_point: self.style.bare_point }
+        Format {
+            decimals: own.clamp(DECIMALS[usize::from(e)], MAX_DECIMALS),
+            bare_point: self.style.bare_point,
+        }
     }
 
     fn word(&mut self, letter: u8, value: f64, format: Format) {

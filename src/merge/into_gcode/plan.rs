@@ -2,7 +2,7 @@
 //! there, as toolpaths in their order.
 //!
 //! Takes a layer and the planned section, gives a [`Plan`]. Knows no G-code text.
-use super::cross::{Shadow, to_segment_mm};
+use super::cross::{Boxes, Shadow, to_segment_mm};
 use super::flow::Shape;
 use super::report::Clipped;
 use super::survey::Survey;
@@ -32,7 +32,7 @@ const WIDTHS_MM: [f64; 2] = [0.1, 3.0];
 const FREE_MM: f64 = 2.0;
 
 /// Points nearer than this to the way without them are left out, mm.
-const THINNED_MM: f64 = 0.008;
+const THINNED_MM: f64 = 0.02;
 
 /// Most points left out in a row.
 const THINNED_POINTS: usize = 16;
@@ -138,6 +138,11 @@ pub(super) fn plan(
     }
     let first = bottom_mm <= survey.ground_mm + 1e-9;
     let (in_body, in_interface) = fills(width_mm, first, options);
+    // Thin branches are held by one ring, and lighter to break off.
+    let (thick, thin) =
+        body.polygons.iter().cloned().partition(|p| first || p.area_mm2() > options.thick_mm2);
+    let (thick, thin) = (Region { polygons: thick }, Region { polygons: thin });
+    let in_thin = Fill { rings: in_body.rings.min(1), spacing_mm: f64::INFINITY, ..in_body };
     let clear = |path: &Path| path.kind != PathKind::Spot || is_clear(path, width_mm, &own, options);
     let paths_of = |region: &Region, how: &Fill| -> Vec<Vec<Point>> {
         fill(region, how).into_iter().filter(clear).map(|p| thinned(p.points)).collect()
@@ -145,8 +150,10 @@ pub(super) fn plan(
     let rule = Free(free_mm(options));
     let mut at = entry;
     let mut paths = Vec::new();
-    for (region, how, interface) in [(&body, &in_body, false), (&interface, &in_interface, true)] {
-        for points in ordered(paths_of(region, how), at, entry, &rule) {
+    let mut bodies = paths_of(&thick, &in_body);
+    bodies.extend(paths_of(&thin, &in_thin));
+    for (own, interface) in [(bodies, false), (paths_of(&interface, &in_interface), true)] {
+        for points in ordered(own, at, entry, &rule) {
             at = points[points.len() - 1];
             paths.push(Planned { points, interface });
         }
@@ -188,7 +195,8 @@ fn thinned(points: Vec<Point>) -> Vec<Point> {
         let next = points.get(k + 1);
         let spared = next.is_some_and(|&next| {
             let chord = [points[from], next];
-            k > from && k - from < THINNED_POINTS
+            k > from
+                && k - from < THINNED_POINTS
                 && points[from + 1..=k].iter().all(|&p| to_segment_mm(p, chord) < THINNED_MM)
         });
         if !spared {
@@ -201,8 +209,7 @@ fn thinned(points: Vec<Point>) -> Vec<Point> {
 
 /// The paths in the order in which they are printed, nearest first; some the other way round.
 fn ordered(paths: Vec<Vec<Point>>, from: Point, to: Point, rule: &Free) -> Vec<Vec<Point>> {
-    let beads: Vec<Bead> =
-        paths.iter().map(|p| Bead { ends: [p[0], p[p.len() - 1]] }).collect();
+    let beads: Vec<Bead> = paths.iter().map(|p| Bead { ends: [p[0], p[p.len() - 1]] }).collect();
     let ends = Ends { entry: from, entry_counts: false, exit: Some(to), exit_counts: false };
     let tour = nearest(&beads, &Near::new(&beads), ends, Start::Entry, rule, Limit::NONE);
     let Some(tour) = tour else { return paths };
@@ -229,21 +236,8 @@ fn near(
     regions: &[&Region],
 ) -> Vec<Own> {
     let margin_mm = options.clearance_mm.max(options.aid_clearance_mm) + WIDTHS_MM[1] / 2.0 + survey.width_mm;
-    let boxes: Vec<[f64; 4]> = regions
-        .iter()
-        .flat_map(|r| &r.polygons)
-        .map(|p| {
-            let [low, high] = p.bounds().mm();
-            [low[0] - margin_mm, low[1] - margin_mm, high[0] + margin_mm, high[1] + margin_mm]
-        })
-        .collect();
-    let whole = boxes.iter().fold([f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY], |a, b| {
-        [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
-    });
-    let meets = |a: Point, b: Point, [x0, y0, x1, y1]: [f64; 4]| {
-        a[0].min(b[0]) <= x1 && a[0].max(b[0]) >= x0 && a[1].min(b[1]) <= y1 && a[1].max(b[1]) >= y0
-    };
-    let is_near = |a: Point, b: Point| meets(a, b, whole) && boxes.iter().any(|&own| meets(a, b, own));
+    let boxes = Boxes::new(regions.iter().flat_map(|r| &r.polygons), margin_mm);
+    let is_near = |a: Point, b: Point| boxes.met(a, b).next().is_some();
     let mut found = Vec::new();
     for row in &layer.rows {
         let What::Move(m, Kind::Deposit) = row.what else { continue };
@@ -302,6 +296,7 @@ fn surely_within(region: &Region, bed: &Region) -> bool {
         side(b.min.x, b.max.x) * side(b.min.y, b.max.y)
     };
     let rectangular = (bed.area_mm2() - area(all)).abs() < 1e-6 * area(all);
-    let inside = all.min.x <= own.min.x && own.max.x <= all.max.x && all.min.y <= own.min.y && own.max.y <= all.max.y;
+    let inside =
+        all.min.x <= own.min.x && own.max.x <= all.max.x && all.min.y <= own.min.y && own.max.y <= all.max.y;
     region.is_empty() || (rectangular && inside)
 }

@@ -109,10 +109,13 @@ impl Middle {
         self.0.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let half = self.0.iter().map(|v| v.1).sum::<f64>() / 2.0;
         let mut sum = 0.0;
-        self.0.iter().find(|v| {
-            sum += v.1;
-            sum >= half
-        }).map(|v| v.0)
+        self.0
+            .iter()
+            .find(|v| {
+                sum += v.1;
+                sum >= half
+            })
+            .map(|v| v.0)
     }
 }
 
@@ -431,7 +434,9 @@ mod tests {
         assert!(refusal(format!("; use_volumetric_e = 1\n{head}")).contains("mm³"));
         assert!(refusal(format!("G20\n{head}")).contains("inches"));
         assert!(refusal("M83\n;LAYER_CHANGE\n".to_owned()).contains("no part"));
-        let spiral: String = (1..40).map(|k| format!(";LAYER_CHANGE\nG1 X0 Y0 Z{k}\nG1 X9 E1\nG1 X0 Y9 Z{k}.5 E3\n")).collect();
+        let spiral: String = (1..40)
+            .map(|k| format!(";LAYER_CHANGE\nG1 X0 Y0 Z{k}\nG1 X9 E1\nG1 X0 Y9 Z{k}.5 E3\n"))
+            .collect();
         assert!(refusal(format!("{head}{spiral}")).contains("spiral"));
     }
 

@@ -30,7 +30,7 @@ use outrigger_gcode::state::{Effect, Kind, Machine, Move};
 use std::ops::Range;
 
 /// Beads may lie beyond the planned section by so much, mm: roundings of the grid and of arcs.
-pub const GROWN_MM: f64 = 0.02;
+pub const GROWN_MM: f64 = 0.03;
 
 /// Lengths that differ by less are the same, mm.
 const UNIT_MM: f64 = 1e-6;
@@ -43,7 +43,7 @@ const E_SHARE: f64 = 0.002;
 const E_MM: f64 = 2e-5;
 
 /// Roundings of what is kept clear, mm.
-const CLEAR_MM: f64 = 0.02;
+const CLEAR_MM: f64 = 0.04;
 
 /// Width of prime lines, as far as supports keep from them, mm.
 const PURGE_MM: f64 = 1.0;
@@ -203,12 +203,18 @@ impl Verifier {
     ///
     /// # Errors
     /// What differs.
-    pub(super) fn layer(&mut self, layer: u32, input: &[u8], made: Option<Made<'_>>) -> Result<(), Difference> {
+    pub(super) fn layer(
+        &mut self,
+        layer: u32,
+        input: &[u8],
+        made: Option<Made<'_>>,
+    ) -> Result<(), Difference> {
         self.compare(layer, input, made).map_err(|what| Difference { layer, what })
     }
 
     fn compare(&mut self, layer: u32, input: &[u8], made: Option<Made<'_>>) -> Result<(), What> {
         let mut check = Layer::new(made.as_ref().map(|m| m.plan));
+        let absolute = self.before.machine.e_is_absolute();
         let mut rest = input;
         let text = made.as_ref().map_or(input, |m| m.text);
         let mut from = 0;
@@ -228,13 +234,14 @@ impl Verifier {
             return Err(What::Bytes);
         }
         if layer == 0 {
-            let standing = check.own.iter().map(|(bead, z)| (Bead { width_mm: PURGE_MM, part: false, ..*bead }, *z));
+            let standing =
+                check.own.iter().map(|(bead, z)| (Bead { width_mm: PURGE_MM, part: false, ..*bead }, *z));
             self.purge = standing.collect();
         }
         if let Some(plan) = check.plan {
             self.beads(plan, &check)?;
         }
-        self.ends()
+        self.ends(absolute)
     }
 
     /// A line of the input, in both.
@@ -256,7 +263,8 @@ impl Verifier {
                 let travels = kind == Kind::Travel && a.e == 0.0 && b.e == 0.0 || kind == Kind::Still;
                 if travels {
                     let flat = (0..2).all(|k| (a.to[k] - b.to[k]).abs() < UNIT_MM);
-                    if !flat || b.to[2] < a.to[2] - UNIT_MM || !matches!(b.kind(), Kind::Travel | Kind::Still) {
+                    if !flat || b.to[2] < a.to[2] - UNIT_MM || !matches!(b.kind(), Kind::Travel | Kind::Still)
+                    {
                         return fails("where it leads");
                     }
                     check.travels.extend((b.kind() == Kind::Travel && !check.added.is_empty()).then_some(b));
@@ -356,7 +364,14 @@ impl Verifier {
         }
     }
 
-    fn new_bead(&self, plan: &Plan, m: &Move, feature: Feature, depth_mm: f64, check: &mut Layer<'_>) -> Result<(), What> {
+    fn new_bead(
+        &self,
+        plan: &Plan,
+        m: &Move,
+        feature: Feature,
+        depth_mm: f64,
+        check: &mut Layer<'_>,
+    ) -> Result<(), What> {
         if !matches!(feature, Feature::Support | Feature::SupportInterface) {
             return Err(What::Bead("as something else"));
         }
@@ -410,11 +425,22 @@ impl Verifier {
                 }
             }
         }
+        // From left to right, so that few are looked at for each bead of the file.
+        let mut runs: Vec<&Run> = check.added.iter().collect();
+        runs.sort_by(|a, b| a.low[0].total_cmp(&b.low[0]));
+        let widest = runs.iter().map(|run| run.high[0] - run.low[0]).fold(0.0, f64::max);
+        let near = |ends: [Point; 2], distance: f64| {
+            let (left, right) =
+                (ends[0][0].min(ends[1][0]) - distance, ends[0][0].max(ends[1][0]) + distance);
+            let from = runs.partition_point(|run| run.low[0] < left - widest);
+            let reached = runs[from..].iter().take_while(move |run| run.low[0] <= right);
+            reached.filter(move |run| run.is_near(ends, distance))
+        };
         let purge = self.purge.iter().filter(|(_, z)| plan.bottom_mm < *z).map(|(bead, _)| bead);
         for own in check.own.iter().map(|(bead, _)| bead).chain(purge) {
             let clearance = self.clearances_mm[usize::from(!own.part)];
             let least = (own.width_mm + self.width_mm) / 2.0 + clearance - CLEAR_MM;
-            for run in check.added.iter().filter(|run| run.is_near(own.ends, least)) {
+            for run in near(own.ends, least) {
                 for &bead in &run.beads {
                     let gap = between_mm(bead, own.ends);
                     if gap < least {
@@ -426,7 +452,7 @@ impl Verifier {
         }
         for m in check.travels.iter().filter(|m| check.low(m, plan)) {
             let way = [[m.from[0], m.from[1]], [m.to[0], m.to[1]]];
-            for run in check.added.iter().filter(|run| run.is_near(way, 0.0)) {
+            for run in near(way, 0.0) {
                 if let Some(bead) = run.beads.iter().find(|bead| between_mm(**bead, way) < UNIT_MM) {
                     return Err(What::Dragged(bead[0][0], bead[0][1]));
                 }
@@ -435,21 +461,24 @@ impl Verifier {
         Ok(())
     }
 
-    /// The layer's end.
-    fn ends(&self) -> Result<(), What> {
+    /// The layer's end. `absolute`: E words were positions when it began. Where they become so
+    /// only later, what E is called then depends on all that went before, and every move
+    /// that it makes a difference to is compared as a move.
+    fn ends(&self, absolute: bool) -> Result<(), What> {
         let (a, b) = (&self.before.machine, &self.after.machine);
         let near = |x: f64, y: f64| (x - y).abs() < UNIT_MM;
         let checks = [
             ("the position", (0..3).all(|k| near(a.position[k], b.position[k]))),
             ("the feed rate", a.feed == b.feed),
-            ("E", !a.e_is_absolute() || near(a.e, b.e)),
+            ("E", !(absolute && a.e_is_absolute()) || near(a.e, b.e)),
             ("a mode", {
                 let modes = |m: &Machine| (m.absolute, m.e_is_absolute(), m.inches, m.tool, m.offset);
                 modes(a) == modes(b)
             }),
             ("what is printed", self.before.context == self.after.context),
             ("the retraction", {
-                a.firmware_retracted == b.firmware_retracted && near(self.before.depth_mm, self.after.depth_mm)
+                a.firmware_retracted == b.firmware_retracted
+                    && near(self.before.depth_mm, self.after.depth_mm)
             }),
         ];
         checks.iter().find(|(_, holds)| !holds).map_or(Ok(()), |(what, _)| Err(What::End(what)))
@@ -501,8 +530,8 @@ fn holds(polygon: &Polygon, p: Point, grown_mm: f64) -> bool {
     }
     polygon.rings.iter().any(|ring| {
         let last = ring.last().copied();
-        ring.iter().zip(last.iter().chain(ring.iter())).any(|(a, b)| {
-            super::cross::to_segment_mm(p, [a.mm(), b.mm()]) <= grown_mm
-        })
+        ring.iter()
+            .zip(last.iter().chain(ring.iter()))
+            .any(|(a, b)| super::cross::to_segment_mm(p, [a.mm(), b.mm()]) <= grown_mm)
     })
 }

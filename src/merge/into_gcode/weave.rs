@@ -4,14 +4,15 @@
 //! Takes a layer and its [`Plan`], gives the new text and which stretches of it are new.
 //! No line of the file is changed, moved or left out: what is put in ends as the
 //! machine was before it. Travels of the file run above the supports where they are
-//! led over them, between a way up and a way down.
+//! led over them, between a way up and a way down. Where the file labels objects, a
+//! layer's supports stand in the object whose bead comes first.
+use super::Options;
 use super::Refusal;
 use super::cross::Shadow;
 use super::flow::Shape;
 use super::pen::{At, Pen};
 use super::plan::{Plan, free_mm};
 use super::survey::Survey;
-use super::Options;
 use crate::post::layer::{Channel, Layer, Modes, Row, What};
 use crate::post::measure::RETRACTED_MM;
 use crate::toolpath::bead::{Point, distance_mm};
@@ -225,12 +226,19 @@ fn travels(
     put: &mut Vec<(usize, Vec<u8>)>,
     woven: &mut Woven,
 ) -> Result<(), Refusal> {
-    let mut now = Now { at: at(machine), absolute: machine.absolute, depth_mm: 0.0, firmware: machine.firmware_retracted };
+    let mut now = Now {
+        at: at(machine),
+        absolute: machine.absolute,
+        depth_mm: 0.0,
+        firmware: machine.firmware_retracted,
+    };
     let mut k = entry;
     while k < layer.rows.len() {
         let row = &layer.rows[k];
         let over = match row.what {
-            What::Move(m, Kind::Travel) if m.moves_xy() && m.arc.is_none() => leads_over(&m, plan.top_mm, &plan.shadow),
+            What::Move(m, Kind::Travel) if m.moves_xy() && m.arc.is_none() => {
+                leads_over(&m, plan.top_mm, &plan.shadow)
+            }
             _ => false,
         };
         if !over {
@@ -327,7 +335,13 @@ fn flat_run(layer: &Layer, from: usize) -> usize {
 }
 
 /// The file's own travels at a greater height.
-fn lift_run(layer: &Layer, rows: Range<usize>, now: &mut Now, survey: &Survey, put: &mut Vec<(usize, Vec<u8>)>) {
+fn lift_run(
+    layer: &Layer,
+    rows: Range<usize>,
+    now: &mut Now,
+    survey: &Survey,
+    put: &mut Vec<(usize, Vec<u8>)>,
+) {
     let z = now.at.position[2];
     let mut pen = Pen::new(survey, layer.style, now.at);
     let back = now.is_back();
