@@ -36,7 +36,7 @@ pub use report::{Clipped, MergeReport};
 use std::io::{BufRead, Read, Seek, SeekFrom, Write};
 use survey::{Survey, Surveyor};
 use told::Told;
-pub use verify::Difference;
+pub use verify::{Difference, GROWN_MM, What};
 use verify::{Made, Verifier};
 use weave::Woven;
 

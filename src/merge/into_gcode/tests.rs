@@ -79,8 +79,11 @@ fn slabs(text: &[u8]) -> (Vec<Slab>, Facts) {
     (all, layers.facts().clone())
 }
 
+/// From, to, filament, feed rate.
+type OwnBead = ([f64; 3], [f64; 3], f64, f64);
+
 /// Moves of the part and what they push, by a reader of its own; and all pushing, mm.
-fn part_beads(text: &[u8]) -> (Vec<([f64; 3], [f64; 3], f64, f64)>, f64) {
+fn part_beads(text: &[u8]) -> (Vec<OwnBead>, f64) {
     let mut machine = Machine::default();
     let (mut beads, mut all, mut support) = (Vec::new(), 0.0, false);
     for bytes in split_lines(text) {
@@ -380,7 +383,8 @@ fn proof(change: impl Fn(String) -> String) -> Result<(), String> {
     assert_eq!(first, HEAD.len());
     verifier.layer(0, HEAD.as_bytes(), None).unwrap();
     let text = &changed.as_bytes()[first..];
-    let made = Made { text, added: &[0..end - start], plan: &plan };
+    let added = 0..end - start;
+    let made = Made { text, added: std::slice::from_ref(&added), plan: &plan };
     verifier.layer(1, BODY.as_bytes(), Some(made)).map_err(|d| d.to_string())?;
     verifier.finish().map_err(|d| d.to_string())
 }
@@ -441,7 +445,7 @@ mod random {
             };
             let ((own, all), (own_after, all_after)) = (part_beads(&input), part_beads(&output));
             prop_assert_eq!(own.len(), own_after.len());
-            let pushed = |beads: &[([f64; 3], [f64; 3], f64, f64)]| beads.iter().map(|b| b.2).sum::<f64>();
+            let pushed = |beads: &[OwnBead]| beads.iter().map(|b| b.2).sum::<f64>();
             prop_assert!((pushed(&own) - pushed(&own_after)).abs() < 1e-3);
             prop_assert!((all_after - all - report.filament_mm).abs() < 0.02);
         }

@@ -413,9 +413,10 @@ impl Verifier {
             // A dot is a line of 0.785 widths where a disc is meant.
             let dot = run.beads.len() == 1 && run.length_mm < 0.8 * self.width_mm;
             let grown = GROWN_MM + if dot { 0.4 * self.width_mm } else { 0.0 };
-            for &[a, b] in &run.beads {
+            for (n, &[a, b]) in run.beads.iter().enumerate() {
                 let steps = (distance_mm(a, b) / STEP_MM).ceil().max(1.0);
-                for k in 0..=steps as u32 {
+                // Each begins where the one before it ended.
+                for k in u32::from(n > 0)..=steps as u32 {
                     let t = f64::from(k) / steps;
                     let p = [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
                     if !planned.get(last).is_some_and(|polygon| holds(polygon, p, grown)) {
