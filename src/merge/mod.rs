@@ -1,5 +1,11 @@
-//! Supports into what is printed: a mesh.
+//! Supports into what will be printed: a mesh, sliced G-code, the images of a resin job.
 //!
-//! Takes a forest of [`crate::support`], gives it in the form of the job. Plans nothing.
+//! Takes a job and supports that can be cut at any height; gives the job with the
+//! supports in it. Knows no file system, and not how supports were planned.
+//!
+//! # Layout
+//! - [`into_mesh`]: a forest as closed bodies; [`together`]: these and a part as one stack
+//! - [`into_gcode`]: as beads, layer by layer
+pub mod into_gcode;
 pub mod into_mesh;
 pub mod together;

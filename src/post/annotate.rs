@@ -131,6 +131,8 @@ pub struct Layers<R> {
     /// The first deposit of the next layer, read already.
     held: Vec<u8>,
     done: bool,
+    /// Layers know where they are printed.
+    covers: bool,
 }
 
 impl<R: BufRead> Layers<R> {
@@ -153,7 +155,14 @@ impl<R: BufRead> Layers<R> {
             usual: (0, 0),
             held: Vec::new(),
             done: false,
+            covers: true,
         }
+    }
+
+    /// The same, for whoever asks no layer for its cover: that takes a third of the time.
+    #[must_use]
+    pub fn without_covers(self) -> Layers<R> {
+        Layers { covers: false, ..self }
     }
 
     /// The next layer, `None` after the last.
@@ -226,7 +235,7 @@ impl<R: BufRead> Layers<R> {
             // One object after another: each begins on the plate again.
             layer.is_first = z <= *self.first_z.get_or_insert(z) + 1e-6;
         }
-        layer.cover = cover(layer);
+        layer.cover = if self.covers { cover(layer) } else { None };
     }
 
     fn read_line(&mut self, text: &mut Vec<u8>) -> Result<bool, Unfit> {

@@ -11,7 +11,7 @@ use std::io::{BufReader, BufWriter, Read, Result, Seek, SeekFrom, Write};
 
 /// What a job comes in.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Container {
+pub(crate) enum Container {
     /// Text.
     Text,
     /// Binary G-code, every block of which has been checked.
@@ -23,7 +23,7 @@ impl Container {
     ///
     /// # Errors
     /// The reader's, or that the binary G-code is damaged.
-    pub(super) fn of(input: &mut (impl Read + Seek)) -> Result<Container> {
+    pub(crate) fn of(input: &mut (impl Read + Seek)) -> Result<Container> {
         input.seek(SeekFrom::Start(0))?;
         let mut first = Vec::new();
         input.take(MAGIC.len() as u64).read_to_end(&mut first)?;
@@ -35,7 +35,7 @@ impl Container {
     }
 
     /// Why the text of such a container is not to be changed.
-    pub(super) fn refusal(&self) -> Option<&'static str> {
+    pub(crate) fn refusal(&self) -> Option<&'static str> {
         let Container::Binary(survey) = self else { return None };
         if survey.gcode_blocks == 0 {
             Some("there is no G-code in this binary G-code")
@@ -56,7 +56,7 @@ impl Container {
     ///
     /// # Errors
     /// The reader's or the writer's.
-    pub(super) fn begin<W: Write>(
+    pub(crate) fn begin<W: Write>(
         &self,
         input: &mut (impl Read + Seek),
         mut output: W,
@@ -75,7 +75,7 @@ impl Container {
     ///
     /// # Errors
     /// The reader's or the writer's.
-    pub(super) fn end(
+    pub(crate) fn end(
         &self,
         input: &mut (impl Read + Seek),
         output: &mut impl Write,
@@ -110,7 +110,7 @@ fn copy(
 }
 
 /// The text of a job from where the input stands, in binary G-code what is in its G-code blocks.
-pub(super) fn gcode<R: Read>(input: R) -> Text<BufReader<R>> {
+pub(crate) fn gcode<R: Read>(input: R) -> Text<BufReader<R>> {
     bare_text(BufReader::with_capacity(BUFFER_BYTES, input))
 }
 
@@ -119,7 +119,7 @@ pub(super) fn gcode<R: Read>(input: R) -> Text<BufReader<R>> {
 ///
 /// # Errors
 /// The reader's, or that the binary G-code is damaged.
-pub(super) fn beginning(input: &mut (impl Read + Seek), count: u64) -> Result<Vec<u8>> {
+pub(crate) fn beginning(input: &mut (impl Read + Seek), count: u64) -> Result<Vec<u8>> {
     input.seek(SeekFrom::Start(0))?;
     let mut bytes = Vec::new();
     text(BufReader::with_capacity(BUFFER_BYTES, input)).take(count).read_to_end(&mut bytes)?;
@@ -127,7 +127,7 @@ pub(super) fn beginning(input: &mut (impl Read + Seek), count: u64) -> Result<Ve
 }
 
 /// Takes the text that was made, layer by layer.
-pub(super) enum Output<W: Write> {
+pub(crate) enum Output<W: Write> {
     /// As it is.
     Text(BufWriter<W>),
     /// Into blocks.
@@ -142,7 +142,7 @@ impl<W: Write> Output<W> {
     ///
     /// # Errors
     /// The writer's, or that the text does not fit into the container.
-    pub(super) fn put(&mut self, changed: Option<Vec<u8>>, input: &[u8]) -> Result<Option<Vec<u8>>> {
+    pub(crate) fn put(&mut self, changed: Option<Vec<u8>>, input: &[u8]) -> Result<Option<Vec<u8>>> {
         let text = changed.as_deref().unwrap_or(input);
         match self {
             Output::Text(output) => {
@@ -164,7 +164,7 @@ impl<W: Write> Output<W> {
     ///
     /// # Errors
     /// As [`Output::put`].
-    pub(super) fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         match self {
             Output::Text(mut output) => output.flush(),
             Output::Binary(writer) => writer.finish().map(drop),
@@ -173,14 +173,14 @@ impl<W: Write> Output<W> {
 }
 
 /// Tells how far a reader has come.
-pub(super) struct Counted<'a, R> {
+pub(crate) struct Counted<'a, R> {
     inner: R,
     bytes: u64,
     progress: &'a (dyn Fn(u64) + Sync),
 }
 
 impl<R: Read> Counted<'_, R> {
-    pub(super) fn new(inner: R, progress: &(dyn Fn(u64) + Sync)) -> Counted<'_, R> {
+    pub(crate) fn new(inner: R, progress: &(dyn Fn(u64) + Sync)) -> Counted<'_, R> {
         Counted { inner, bytes: 0, progress }
     }
 }

@@ -6,61 +6,61 @@ use outrigger_gcode::state::{Kind, Move};
 const ROUNDING_MM: f64 = 5e-4;
 
 /// The bytes of a line.
-pub(super) type Text = Vec<u8>;
+pub(crate) type Text = Vec<u8>;
 
 /// A line to make others like it from.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Sample {
+pub(crate) struct Sample {
     /// The line.
-    pub(super) text: Text,
+    pub(crate) text: Text,
     /// The feed rate in force, mm/min.
-    pub(super) feed: f64,
+    pub(crate) feed: f64,
 }
 
 /// A plain travel.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Travel {
+pub(crate) struct Travel {
     /// The line.
-    pub(super) line: Sample,
+    pub(crate) line: Sample,
     /// The texts of the [`Channel::OF_TRAVEL`] in force, empty where none is.
-    pub(super) channels: [Text; Channel::OF_TRAVEL.len()],
+    pub(crate) channels: [Text; Channel::OF_TRAVEL.len()],
 }
 
 /// Filament pulled back while the nozzle goes back over the bead.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Wipe {
+pub(crate) struct Wipe {
     /// A wiping line.
-    pub(super) line: Sample,
+    pub(crate) line: Sample,
     /// Filament pulled back, mm, positive.
-    pub(super) e: f64,
+    pub(crate) e: f64,
     /// Way gone, mm.
-    pub(super) length_mm: f64,
+    pub(crate) length_mm: f64,
     /// The comments before and after, or empty.
-    pub(super) marks: [Text; 2],
+    pub(crate) marks: [Text; 2],
 }
 
 /// How the filament is pulled back and pushed again around a travel.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Retraction {
+pub(crate) struct Retraction {
     /// `G10` and `G11`.
-    pub(super) firmware: Option<[Text; 2]>,
+    pub(crate) firmware: Option<[Text; 2]>,
     /// Before the wipe, or all of it: line and mm, positive.
-    pub(super) before: Option<(Sample, f64)>,
-    pub(super) wipe: Option<Wipe>,
+    pub(crate) before: Option<(Sample, f64)>,
+    pub(crate) wipe: Option<Wipe>,
     /// After the wipe.
-    pub(super) after: Option<(Sample, f64)>,
+    pub(crate) after: Option<(Sample, f64)>,
     /// Line and height, mm.
-    pub(super) up: Option<(Sample, f64)>,
-    pub(super) down: Option<Sample>,
+    pub(crate) up: Option<(Sample, f64)>,
+    pub(crate) down: Option<Sample>,
     /// Lines and mm.
-    pub(super) unretract: Vec<(Sample, f64)>,
+    pub(crate) unretract: Vec<(Sample, f64)>,
 }
 
 impl Retraction {
     /// Filament pulled back in all, mm. Where that differs from what is pushed again
     /// by no more than rounding, it is what is pushed: copied a thousand times,
     /// the slicer's rounding would add up.
-    pub(super) fn depth_mm(&self) -> f64 {
+    pub(crate) fn depth_mm(&self) -> f64 {
         let part = |p: &Option<(Sample, f64)>| p.as_ref().map_or(0.0, |p| p.1);
         let pulled = part(&self.before) + self.wipe.as_ref().map_or(0.0, |w| w.e) + part(&self.after);
         let pushed: f64 = self.unretract.iter().map(|u| u.1).sum();
@@ -68,7 +68,7 @@ impl Retraction {
     }
 
     /// What the wipe pulls back when nothing is left for a line after it, mm.
-    pub(super) fn wipe_e_mm(&self, wipe: &Wipe) -> f64 {
+    pub(crate) fn wipe_e_mm(&self, wipe: &Wipe) -> f64 {
         match self.after {
             Some(_) => wipe.e,
             None => self.depth_mm() - self.before.as_ref().map_or(0.0, |b| b.1),
@@ -82,24 +82,24 @@ impl Retraction {
 
 /// A link taken apart.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Link {
-    pub(super) travel: Travel,
-    pub(super) retraction: Option<Retraction>,
+pub(crate) struct Link {
+    pub(crate) travel: Travel,
+    pub(crate) retraction: Option<Retraction>,
 }
 
 /// The habits to make new links by.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Habits {
+pub(crate) struct Habits {
     /// The last plain travel seen.
-    pub(super) travel: Option<Travel>,
+    pub(crate) travel: Option<Travel>,
     /// A retraction, and the travel that goes with it.
-    pub(super) retracted: Option<(Retraction, Travel)>,
+    pub(crate) retracted: Option<(Retraction, Travel)>,
 }
 
 impl Habits {
     /// Takes the rows between two beads into account. Within a section the link
     /// with the longest wipe is kept: a short bead cuts the wipe after it short.
-    pub(super) fn learn(&mut self, layer: &Layer, rows: &[Row]) {
+    pub(crate) fn learn(&mut self, layer: &Layer, rows: &[Row]) {
         let Some(link) = take_apart(layer, rows) else { return };
         match link.retraction {
             None => self.travel = Some(link.travel),
@@ -115,7 +115,7 @@ impl Habits {
     }
 
     /// The travel for a link without a retraction.
-    pub(super) fn plain(&self) -> Option<&Travel> {
+    pub(crate) fn plain(&self) -> Option<&Travel> {
         self.travel.as_ref().or(self.retracted.as_ref().map(|(_, travel)| travel))
     }
 }
@@ -133,7 +133,7 @@ enum Stage {
 
 /// Whether a link can be left out or made anew: nothing but travel, or a whole
 /// retraction around one. Filament moved for its own sake must stay where it is.
-pub(super) fn is_regular(layer: &Layer, rows: &[Row]) -> bool {
+pub(crate) fn is_regular(layer: &Layer, rows: &[Row]) -> bool {
     let moves = |row: &Row| match row.what {
         What::Move(_, kind) => kind != Kind::Still,
         What::Retract | What::Unretract => true,

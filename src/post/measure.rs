@@ -10,7 +10,7 @@ use outrigger_gcode::state::{Kind, Move};
 use serde::Serialize;
 
 /// Filament pulled back less than this is not a retraction, mm.
-pub(super) const RETRACTED_MM: f64 = 0.02;
+pub(crate) const RETRACTED_MM: f64 = 0.02;
 
 /// Z above both ends of a jump by more than this is a lift, mm.
 const LIFTED_MM: f64 = 1e-4;

@@ -12,11 +12,11 @@
 //! Three threads, a few small layers or one large between each: memory is bounded by the largest layers.
 pub mod annotate;
 mod batch;
-mod container;
+pub(crate) mod container;
 mod emit;
 pub mod habits;
 pub mod layer;
-mod link;
+pub(crate) mod link;
 pub mod measure;
 pub mod pass;
 pub mod passes;
@@ -46,7 +46,7 @@ use verify::{Difference, Figures, Verifier};
 pub const BEGINNING_BYTES: u64 = 1 << 20;
 
 /// Read from the end for the slicer's settings, bytes: OrcaSlicer's take some 40 kB.
-const END_BYTES: u64 = 256 << 10;
+pub(crate) const END_BYTES: u64 = 256 << 10;
 
 /// Read and write buffers, bytes.
 const BUFFER_BYTES: usize = 256 << 10;
@@ -160,7 +160,7 @@ fn report(figures: &Figures, tally: pass::Tally) -> Report {
     report
 }
 
-fn not_for_us(beginning: &[u8]) -> Option<String> {
+pub(crate) fn not_for_us(beginning: &[u8]) -> Option<String> {
     if beginning.is_empty() {
         return Some("the file is empty".to_owned());
     }
@@ -168,7 +168,7 @@ fn not_for_us(beginning: &[u8]) -> Option<String> {
     memchr::memchr(0, text).map(|at| format!("byte {at} is zero: not G-code text"))
 }
 
-fn read_at(input: &mut (impl Read + Seek), at: u64, count: u64) -> std::io::Result<Vec<u8>> {
+pub(crate) fn read_at(input: &mut (impl Read + Seek), at: u64, count: u64) -> std::io::Result<Vec<u8>> {
     input.seek(SeekFrom::Start(at))?;
     let mut bytes = Vec::new();
     input.take(count).read_to_end(&mut bytes)?;

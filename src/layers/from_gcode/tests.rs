@@ -154,6 +154,22 @@ fn hanging(support: bool) -> Job {
 }
 
 #[test]
+fn a_layer_that_begins_with_a_bridge_is_as_thick_as_any() {
+    let mut job = Job::new();
+    for k in 1..=6 {
+        job = job.layer(0.2 * f64::from(k));
+        if k == 4 {
+            job =
+                job.feature("Bridge infill").line(";WIDTH:0.4\n;HEIGHT:0.4").bead([60.0, 50.0], [80.0, 50.0]);
+            job = job.line(";WIDTH:0.4\n;HEIGHT:0.2");
+        }
+        job = job.feature("Perimeter").square([50.0, 50.0], 10.0);
+    }
+    let wide: Vec<bool> = job.layers().iter().map(|l| l.part.bounds().mm()[1][0] > 70.0).collect();
+    assert_eq!(wide, [false, false, false, true, false, false]);
+}
+
+#[test]
 fn what_hangs_over_nothing_and_over_supports() {
     let layers = hanging(false).layers();
     assert_eq!(begins(&layers), [5]);

@@ -293,7 +293,8 @@ impl Tracer {
             Mark::Height(height) => {
                 let sane = height > 0.0 && height <= MAX_HEIGHT_MM;
                 self.height_mm = if sane { height } else { 0.0 };
-                if self.fresh_layer {
+                // The first one is the layer's: a layer that begins with a bridge says that one's too.
+                if std::mem::take(&mut self.fresh_layer) {
                     self.layer_height_mm = self.height_mm;
                 }
             }
