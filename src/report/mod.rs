@@ -12,9 +12,11 @@
 //! - `svg`: numbers, text and colours as SVG has them
 //! - [`check`]: what a check found, as JSON
 //! - [`survey`]: a checked job as pictures and as a page
-//! - `canvas`: one drawing as SVG or PNG
+//! - [`turn`]: a part with its supports as a page that turns it
+//! - `canvas`: one drawing as SVG or PNG; `embed`: data in a page
 mod canvas;
 pub mod check;
+mod embed;
 mod frame;
 pub mod gain;
 mod legend;
@@ -23,3 +25,4 @@ pub mod paths;
 pub mod strokes;
 pub mod survey;
 mod svg;
+pub mod turn;
