@@ -10,11 +10,12 @@ const HALF_VIEW = 14 * DEGREE;
 const AT_FIRST = { turn: 28, tilt: 14 };
 
 class Camera {
-  /** `onChange()` is told of each change, `onTap([x, y])` of a click in CSS pixels. */
-  constructor(canvas, bounds, onChange, onTap) {
-    Object.assign(this, { canvas, bounds, onChange, onTap });
+  /** `places`: some of all that is there; `onChange()` is told of each change, `onTap([x, y])` of a click in CSS pixels. */
+  constructor(canvas, bounds, places, onChange, onTap) {
+    Object.assign(this, { canvas, bounds, places, onChange, onTap });
     this.pointers = new Map();
-    Object.assign(this, AT_FIRST, { zoom: 1, centre: this.middle, moved: false });
+    this.fitted = true;
+    Object.assign(this, this.whole(AT_FIRST.turn, AT_FIRST.tilt));
     this.listen();
   }
 
@@ -31,7 +32,11 @@ class Camera {
 
   /** To the right, upward and away from the eye. */
   get axes() {
-    const [a, t] = [this.turn * DEGREE, this.tilt * DEGREE];
+    return this.axesOf(this.turn, this.tilt);
+  }
+
+  axesOf(turn, tilt) {
+    const [a, t] = [turn * DEGREE, tilt * DEGREE];
     const [sa, ca, st, ct] = [Math.sin(a), Math.cos(a), Math.sin(t), Math.cos(t)];
     return [[ca, sa, 0], [-sa * st, ca * st, ct], [-sa * ct, ca * ct, -st]];
   }
@@ -47,24 +52,33 @@ class Camera {
     return [up / this.aspect, up];
   }
 
-  /** Distance from which all is in sight from here, mm. */
-  get whole() {
-    const axes = this.axes;
+  /** The view of all from a side, as near as may be. */
+  whole(turn, tilt) {
+    const axes = this.axesOf(turn, tilt);
     const lens = this.lens;
-    const middle = this.middle;
-    const room = [0.9, this.canvas.clientHeight > 320 ? 0.78 : 0.7];
-    let distance = 0;
-    for (let k = 0; k < 8; k++) {
-      const corner = minus([0, 1, 2].map((c) => this.bounds[(k >> c) & 1][c]), middle);
-      for (const c of [0, 1]) {
-        distance = Math.max(distance, (Math.abs(dot(axes[c], corner)) * lens[c]) / room[c] - dot(axes[2], corner));
+    // Buttons lie over the lower end.
+    const room = [0.92, 0.84];
+    const centre = this.middle;
+    let distance = 1;
+    // Twice: what is near is seen larger, so that the middle depends on the distance.
+    for (const last of [false, true]) {
+      const [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
+      let needed = 1;
+      for (const place of this.places) {
+        const off = minus(place, centre);
+        const away = dot(axes[2], off);
+        for (const c of [0, 1]) {
+          const aside = dot(axes[c], off);
+          low[c] = Math.min(low[c], aside);
+          high[c] = Math.max(high[c], aside);
+          needed = Math.max(needed, (Math.abs(aside) * lens[c]) / room[c] - away);
+        }
       }
+      distance = needed;
+      if (last || low[0] > high[0]) break;
+      for (let k = 0; k < 3; k++) centre[k] += (axes[0][k] * (low[0] + high[0]) + axes[1][k] * (low[1] + high[1])) / 2;
     }
-    return Math.max(distance, 1);
-  }
-
-  get distance() {
-    return this.whole / this.zoom;
+    return { turn, tilt, distance, centre };
   }
 
   /** Place → clip space, column by column. */
@@ -73,7 +87,7 @@ class Camera {
     const [fx, fy] = this.lens;
     const distance = this.distance;
     const reach = 2.5 * this.radius + Math.hypot(...minus(this.centre, this.middle));
-    const near = Math.max(distance - reach, distance / 400);
+    const near = Math.max(distance - reach, distance / 60);
     const far = distance + reach;
     const [p, q] = [(far + near) / (far - near), (-2 * far * near) / (far - near)];
     const from = [right, up, away].map((axis) => -dot(axis, this.centre));
@@ -92,12 +106,19 @@ class Camera {
   }
 
   reset() {
-    this.fly({ ...AT_FIRST, zoom: 1, centre: this.middle });
+    this.look(AT_FIRST.turn, AT_FIRST.tilt);
   }
 
-  /** Looks at all from a side. */
-  look(turn, tilt) {
-    this.fly({ turn, tilt, zoom: 1, centre: this.middle });
+  /** Looks at all from a side, after so many ms. */
+  look(turn, tilt, time = 350) {
+    this.fly(this.whole(turn, tilt), time);
+    this.fitted = true;
+  }
+
+  /** The canvas has another size. */
+  resized() {
+    if (this.fitted) Object.assign(this, this.whole(this.turn, this.tilt));
+    this.onChange();
   }
 
   /** Looks at a place from the side where it is, so that `around` mm about it are seen. */
@@ -105,27 +126,23 @@ class Camera {
     const aside = minus(at, this.middle);
     const turn = Math.hypot(aside[0], aside[1]) > 0.02 * this.radius ? Math.atan2(aside[0], -aside[1]) / DEGREE : this.turn;
     const tilt = at[2] > this.bounds[0][2] + 2 ? -12 : 6;
-    const distance = around / Math.tan(HALF_VIEW);
-    const before = [this.turn, this.tilt];
-    [this.turn, this.tilt] = [turn, tilt];
-    const zoom = Math.max(this.whole / distance, 1);
-    [this.turn, this.tilt] = before;
-    this.fly({ turn, tilt, zoom, centre: at });
+    const distance = around / Math.tan(HALF_VIEW) / Math.min(this.aspect, 1);
+    this.fly({ turn, tilt, distance, centre: [...at] });
   }
 
   /** On the way there, so that one does not lose one's bearings. */
-  fly(to) {
-    cancelAnimationFrame(this.flight);
-    const from = { turn: this.turn, tilt: this.tilt, zoom: this.zoom, centre: this.centre };
+  fly(to, wanted = 350) {
+    this.own();
+    const from = { turn: this.turn, tilt: this.tilt, distance: this.distance, centre: this.centre };
     const round = ((((to.turn - from.turn + 180) % 360) + 360) % 360) - 180;
-    const time = matchMedia('(prefers-reduced-motion: reduce)').matches ? 0 : 350;
+    const time = matchMedia('(prefers-reduced-motion: reduce)').matches ? 0 : wanted;
     const began = performance.now();
     const step = (now) => {
       const part = time ? Math.min(Math.max((now - began) / time, 0), 1) : 1;
       const k = part * part * (3 - 2 * part);
       this.turn = from.turn + round * k;
       this.tilt = from.tilt + (to.tilt - from.tilt) * k;
-      this.zoom = from.zoom * (to.zoom / from.zoom) ** k;
+      this.distance = from.distance * (to.distance / from.distance) ** k;
       this.centre = from.centre.map((c, j) => c + (to.centre[j] - c) * k);
       this.onChange();
       if (part < 1) this.flight = requestAnimationFrame(step);
@@ -133,9 +150,15 @@ class Camera {
     step(time ? began : Infinity);
   }
 
+  /** From here on the view is whoever's that calls. */
+  own() {
+    cancelAnimationFrame(this.flight);
+    this.fitted = false;
+  }
+
   /** Turns by degrees. */
   turnBy(aside, up) {
-    cancelAnimationFrame(this.flight);
+    this.own();
     this.turn = (this.turn + aside) % 360;
     this.tilt = Math.min(Math.max(this.tilt + up, -90), 90);
     this.onChange();
@@ -143,7 +166,7 @@ class Camera {
 
   /** Moves by CSS pixels. */
   moveBy(x, y) {
-    cancelAnimationFrame(this.flight);
+    this.own();
     const [right, up] = this.axes;
     const perPx = (2 * this.distance * Math.tan(HALF_VIEW)) / Math.max(this.canvas.clientHeight, 1);
     const [low, high] = this.bounds;
@@ -155,8 +178,8 @@ class Camera {
   }
 
   zoomBy(factor) {
-    cancelAnimationFrame(this.flight);
-    this.zoom = Math.min(Math.max(this.zoom * factor, 0.3), 300);
+    this.own();
+    this.distance = Math.min(Math.max(this.distance / factor, this.radius / 60), this.radius * 30);
     this.onChange();
   }
 

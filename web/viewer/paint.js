@@ -7,7 +7,7 @@ attribute vec3 normal;
 attribute float kind;
 uniform mat4 matrix;
 uniform vec3 axes[3];
-uniform vec3 colours[9];
+uniform vec3 colours[8];
 varying vec3 paint;
 varying vec3 facing;
 varying float high;
@@ -20,7 +20,6 @@ void main() {
 precision mediump float;
 uniform float cut;
 uniform float alpha;
-uniform vec3 inner;
 uniform float capped;
 varying vec3 paint;
 varying vec3 facing;
@@ -30,11 +29,11 @@ void main() {
   vec3 n = normalize(facing);
   // The inside of a body that is cut open is seen where the cut goes through it.
   if (!gl_FrontFacing && capped > 0.5) {
-    gl_FragColor = vec4(inner * alpha, alpha);
+    gl_FragColor = vec4(paint * 0.62 * alpha, alpha);
     return;
   }
   if (!gl_FrontFacing) n = -n;
-  float light = 0.5 + 0.42 * max(dot(n, vec3(-0.36, 0.48, 0.8)), 0.0) + 0.13 * n.y;
+  float light = 0.55 + 0.45 * max(dot(n, vec3(-0.36, 0.48, 0.8)), 0.0) + 0.1 * n.y;
   gl_FragColor = vec4(paint * light * alpha, alpha);
 }`];
 
@@ -44,7 +43,7 @@ attribute float size;
 attribute float kind;
 uniform mat4 matrix;
 uniform vec3 away;
-uniform vec3 colours[9];
+uniform vec3 colours[8];
 uniform float scale;
 uniform float fixedSize;
 uniform float least;
@@ -82,7 +81,8 @@ void main() {
 class Painter {
   /** `null` where there is no WebGL. */
   static on(canvas) {
-    const gl = canvas.getContext('webgl', { antialias: true, alpha: true });
+    // Preserved, so that the picture can be printed and saved at any time.
+    const gl = canvas.getContext('webgl', { antialias: true, alpha: true, preserveDrawingBuffer: true });
     return gl ? new Painter(canvas, gl) : null;
   }
 
@@ -149,7 +149,7 @@ class Painter {
   }
 
   /**
-   * One picture. `shown`: `{part, solids: [], dots: [], lines, marks}`, each loaded or
+   * One picture. `shown`: `{part, solids: [], dots: [], lines, marks, picked}`, each loaded or
    * nothing; `cut`: height above which nothing is, mm; `solid`: the part hides what is behind.
    */
   paint(camera, shown, cut, solid) {
@@ -171,12 +171,10 @@ class Painter {
 
     const solidOf = use(this.solid);
     gl.uniform3fv(solidOf('axes[0]'), new Float32Array(axes.flat()));
-    gl.uniform3fv(solidOf('inner'), new Float32Array(rgb(colour('cut'))));
-    gl.uniform1f(solidOf('capped'), 0);
+    gl.uniform1f(solidOf('capped'), open ? 1 : 0);
     gl.uniform1f(solidOf('alpha'), 1);
     gl.disable(gl.BLEND);
     for (const body of shown.solids) this.draw(body, gl.TRIANGLES);
-    gl.uniform1f(solidOf('capped'), open ? 1 : 0);
     if (solid) this.draw(shown.part, gl.TRIANGLES);
 
     const dotsOf = use(this.dots);
@@ -195,9 +193,10 @@ class Painter {
     gl.useProgram(this.dots.program);
     gl.uniform1f(dotsOf('shape'), 2);
     gl.uniform1f(dotsOf('fixedSize'), (shown.marks?.count > 60 ? 13 : 19) * ratio);
-    gl.uniform1f(dotsOf('cut'), 1e9);
     gl.disable(gl.DEPTH_TEST);
     this.draw(shown.marks, gl.POINTS);
+    gl.uniform1f(dotsOf('fixedSize'), 28 * ratio);
+    this.draw(shown.picked, gl.POINTS);
     gl.enable(gl.DEPTH_TEST);
   }
 

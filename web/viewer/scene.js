@@ -4,7 +4,7 @@
 // The format is documented in README.md beside this file.
 
 /** What a corner is, as its colour variable is named; the place in the list is its number. */
-const KINDS = ['part', 'branch', 'tip', 'landing', 'demand', 'begins', 'unheld', 'grid-strong', 'cut'];
+const KINDS = ['part', 'branch', 'tip', 'landing', 'demand', 'begins', 'unheld', 'grid-strong'];
 const kindOf = (name) => KINDS.indexOf(name);
 
 /** Kinds of nodes, in the order of their numbers. */
@@ -18,6 +18,9 @@ const SMOOTH = 0.82;
 
 /** Nodes of a forest up to which its branches are drawn round and with round joints. */
 const ROUND_MAX = 12000;
+
+/** Rings of a round joint. */
+const RINGS = 6;
 
 /** Triangles corner by corner, as they go to the graphics card. */
 class Soup {
@@ -135,7 +138,7 @@ class Scene {
     const nodes = this.forests[index];
     const round = nodes.length <= ROUND_MAX;
     const sides = round ? 12 : 6;
-    const perNode = 9 * sides + (round ? 6 * sides * 4 : 0);
+    const perNode = 9 * sides + (round ? 6 * sides * RINGS : 0);
     const branches = new Soup(nodes.length * perNode);
     const tips = new Soup(nodes.filter((n) => n.kind === TIP).length * perNode);
     for (const node of nodes) {
@@ -160,6 +163,18 @@ class Scene {
     return dots;
   }
 
+  /** Some thousand places of all that is there, to look at it as a whole. */
+  sample() {
+    const every = (list, at) => {
+      const step = Math.ceil(list.length / 3000);
+      return list.filter((_, k) => k % step === 0).map(at);
+    };
+    const nodes = this.forests.flat();
+    const corners = this.data.bounds_mm;
+    const places = [...every(this.surface.vertices, (v) => v), ...every(nodes, (n) => n.at)];
+    return places.length ? places : corners;
+  }
+
   /** The plate as lines, with a square's side in mm. */
   plate() {
     const [low, high] = this.data.bounds_mm;
@@ -177,6 +192,13 @@ class Scene {
     }
     return { lines, side };
   }
+}
+
+/** Marks of places that cannot be held. */
+function marksAt(places) {
+  const marks = new Soup(places.length);
+  for (const { place_mm: at } of places) marks.add(at, [0, 0, 0], kindOf('unheld'));
+  return marks;
 }
 
 /** The diameter in mm of the last dot, in place of a normal: up to 25 mm. */
@@ -211,12 +233,11 @@ function addFrustum(soup, top, low, sides, kind, closed) {
 
 /** A ball where branches meet or bend. */
 function addBall(soup, node, sides, kind) {
-  const rings = 4;
   const out = (i, k) => {
-    const [a, b] = [(Math.PI * i) / rings, (2 * Math.PI * k) / sides];
+    const [a, b] = [(Math.PI * i) / RINGS, (2 * Math.PI * k) / sides];
     return [Math.sin(a) * Math.cos(b), Math.sin(a) * Math.sin(b), Math.cos(a)];
   };
-  for (let i = 0; i < rings; i++) {
+  for (let i = 0; i < RINGS; i++) {
     for (let k = 0; k < sides; k++) {
       const [a, b, c, d] = [out(i, k), out(i + 1, k), out(i + 1, k + 1), out(i, k + 1)];
       for (const normal of [a, b, c, a, c, d]) {

@@ -14,6 +14,9 @@ const FIGURES = {
   trunks_on_plate: 'trunks on the plate', landings_on_model: 'landings on the part', landings_on_part: 'landings on the part',
 };
 
+/** What comes first of the figures; the others follow as they are. */
+const FIRST = ['method', 'tips', 'at_least', 'junctions', 'trunks_on_plate', 'landings_on_model', 'length_mm', 'volume_mm3'];
+
 const UNITS = { mm: 'mm', mm2: 'mm²', mm3: 'mm³', s: 's', deg: '°', g: 'g', ml: 'ml' };
 
 /** A figure's name and value in words, by its key. */
@@ -30,7 +33,8 @@ function figure(key, value) {
 /** The figures of a method: rows, and tables of what is an object itself. */
 function figureTables(figures) {
   if (!figures || typeof figures !== 'object') return [];
-  const rows = (of) => Object.entries(of).filter(([, v]) => v !== null && typeof v !== 'object');
+  const rank = ([key]) => (FIRST.indexOf(key) + 1 || FIRST.length + 1);
+  const rows = (of) => Object.entries(of).filter(([, v]) => v !== null && typeof v !== 'object').sort((a, b) => rank(a) - rank(b));
   const words = (key, of) => {
     const unit = UNITS[key === 'seconds' ? 's' : ''];
     return rows(of).map(([k, v]) => {
@@ -58,7 +62,7 @@ class TurnPage {
     this.picked = null;
     this.button = null;
     this.canvas = document.getElementById('view');
-    this.camera = new Camera(this.canvas, data.bounds_mm, () => this.draw(), (at) => this.tap(at));
+    this.camera = new Camera(this.canvas, data.bounds_mm, scene.sample(), () => this.draw(), (at) => this.tap(at));
     this.legend();
     this.methods();
     this.slider();
@@ -69,7 +73,7 @@ class TurnPage {
     this.canvas.addEventListener('webglcontextrestored', () => this.load());
     new ResizeObserver(() => {
       this.painter?.resize();
-      this.draw();
+      this.camera.resized();
     }).observe(this.canvas);
     this.show(0);
     this.fromAddress();
@@ -120,9 +124,9 @@ class TurnPage {
     const { loaded, hidden } = this;
     if (this.shown && !loaded.forests[this.method]) {
       const { branches, tips } = this.scene.forestSoups(this.method);
-      const marks = new Soup(this.shown.unheld.length);
-      for (const { place_mm: at } of this.shown.unheld) marks.add(at, [0, 0, 0], kindOf('unheld'));
-      loaded.forests[this.method] = { branches: this.painter.load(branches), tips: this.painter.load(tips), marks: this.painter.load(marks) };
+      const marks = marksAt(this.shown.unheld);
+      const load = (soup) => this.painter.load(soup);
+      loaded.forests[this.method] = { branches: load(branches), tips: load(tips), marks: load(marks) };
     }
     const forest = loaded.forests[this.method];
     const unless = (name, what) => (hidden.has(name) ? null : what);
@@ -132,6 +136,7 @@ class TurnPage {
       dots: [unless('demand', loaded.needs)],
       lines: loaded.lines,
       marks: forest?.marks,
+      picked: this.picked ? loaded.picked : null,
     }, this.cut, this.solid);
     this.label();
   }
@@ -157,8 +162,13 @@ class TurnPage {
     this.picked = place;
     button?.setAttribute('aria-current', 'true');
     if (place) {
+      if (this.loaded) {
+        if (this.loaded.picked) this.painter.unload(this.loaded.picked);
+        this.loaded.picked = this.painter.load(marksAt([place]));
+      }
+      if (place.place_mm[2] > this.cut) this.setCut(1);
       const size = 2 * Math.sqrt(place.area_mm2);
-      this.camera.goTo(place.place_mm, Math.min(Math.max(6, 3 * size, 0.12 * this.camera.radius), this.camera.radius));
+      this.camera.goTo(place.place_mm, Math.min(Math.max(8, 3 * size, 0.12 * this.camera.radius), this.camera.radius));
     }
     this.draw();
   }
@@ -226,7 +236,7 @@ class TurnPage {
     for (const [name, swatch, title] of SWITCHES) {
       this.boxes.set(name, add(title, swatch, true, (on) => (on ? this.hidden.delete(name) : this.hidden.add(name))));
     }
-    this.boxes.set('glass', add('see through the part', null, true, (on) => { this.solid = !on; }));
+    this.boxes.set('glass', add('see-through', null, true, (on) => { this.solid = !on; }));
     const kinds = new Set(this.scene.forests.flatMap((nodes) => nodes.map((n) => n.kind)));
     const only = [[kinds.has(LANDING), 'landing', 'foot on the part'], [this.scene.needs.some((n) => n.island), 'begins', 'island begins'], [this.data.methods.some((m) => m.totals.unheld), 'unheld', 'cannot be held']];
     for (const [there, swatch, title] of only) {
@@ -260,8 +270,9 @@ class TurnPage {
   keys() {
     const { camera } = this;
     const keys = {
-      ArrowLeft: () => camera.turnBy(-7.5, 0), ArrowRight: () => camera.turnBy(7.5, 0),
-      ArrowUp: () => camera.turnBy(0, 7.5), ArrowDown: () => camera.turnBy(0, -7.5),
+      // As if the part was dragged that way.
+      ArrowLeft: () => camera.turnBy(7.5, 0), ArrowRight: () => camera.turnBy(-7.5, 0),
+      ArrowUp: () => camera.turnBy(0, -7.5), ArrowDown: () => camera.turnBy(0, 7.5),
       '+': () => camera.zoomBy(1.25), '=': () => camera.zoomBy(1.25), '-': () => camera.zoomBy(0.8),
       f: () => camera.reset(), Home: () => camera.reset(), Escape: () => this.pick(null),
     };
@@ -292,7 +303,7 @@ class TurnPage {
     });
   }
 
-  /** The address may say how to look: `#turn=30&tilt=-10&zoom=2&cut=0.5&off=part,tips`. */
+  /** The address may say how to look: `#turn=30&tilt=-10&zoom=2&cut=0.5&off=part,glass`. */
   fromAddress() {
     const said = new URLSearchParams(location.hash.slice(1));
     const number = (name, low, high) => {
@@ -310,10 +321,9 @@ class TurnPage {
     const cut = number('cut', 0, 1);
     if (cut !== null) this.setCut(cut);
     const [turn, tilt, zoom] = [number('turn', -360, 360), number('tilt', -90, 90), number('zoom', 0.3, 300)];
-    if (turn !== null) this.camera.turn = turn;
-    if (tilt !== null) this.camera.tilt = tilt;
-    if (zoom !== null) this.camera.zoom = zoom;
-    this.draw();
+    const { camera } = this;
+    if (turn !== null || tilt !== null) camera.look(turn ?? camera.turn, tilt ?? camera.tilt, 0);
+    if (zoom !== null) camera.zoomBy(zoom);
   }
 }
 

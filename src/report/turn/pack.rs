@@ -179,12 +179,15 @@ pub(super) fn forest(out: &mut Vec<u8>, grid: &Grid, forest: &Forest, most: usiz
     let mut pen = Pen::new(grid);
     put(out, nodes.len() as u64);
     for (k, node) in nodes.iter().enumerate() {
-        put(out, match node.kind {
-            Kind::Tip => 0,
-            Kind::Joint => 1,
-            Kind::Plate => 2,
-            Kind::Model => 3,
-        });
+        put(
+            out,
+            match node.kind {
+                Kind::Tip => 0,
+                Kind::Joint => 1,
+                Kind::Plate => 2,
+                Kind::Model => 3,
+            },
+        );
         pen.place(out, node.at_mm);
         put(out, grid.steps(node.radius_mm) as u64);
         // A node that is not there: none below.
