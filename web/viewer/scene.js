@@ -73,16 +73,20 @@ class Scene {
     };
   }
 
+  /** Vertices as x, y, z one after the other, and three of their numbers a triangle. */
   readSurface(reader) {
     const next = this.placesOf(reader);
     const vertices = [];
     const corners = new Uint32Array(3 * reader.unsigned());
-    for (let k = 0; k < corners.length; k++) {
+    for (let k = 0, seen = 0; k < corners.length; k++) {
       const age = reader.unsigned();
-      corners[k] = vertices.length - age;
-      if (age === 0) vertices.push(next());
+      corners[k] = seen - age;
+      if (age === 0) {
+        vertices.push(...next());
+        seen += 1;
+      }
     }
-    return { vertices, corners };
+    return { vertices: new Float32Array(vertices), corners };
   }
 
   readNeeds(reader) {
@@ -109,26 +113,35 @@ class Scene {
     return nodes;
   }
 
-  /** The part; corners are smooth but where the surface has an edge. */
+  /** The part; corners are smooth but where the surface has an edge. Written for speed. */
   partSoup() {
     const { vertices, corners } = this.surface;
-    const faces = [];
-    const sums = vertices.map(() => [0, 0, 0]);
+    const faces = new Float32Array(corners.length);
+    const smooth = new Float32Array(vertices.length);
     for (let k = 0; k < corners.length; k += 3) {
-      const [a, b, c] = [0, 1, 2].map((j) => vertices[corners[k + j]]);
-      const normal = cross(minus(b, a), minus(c, a));
-      for (let j = 0; j < 3; j++) {
-        const sum = sums[corners[k + j]];
-        for (let i = 0; i < 3; i++) sum[i] += normal[i];
+      const [a, b, c] = [3 * corners[k], 3 * corners[k + 1], 3 * corners[k + 2]];
+      const [ux, uy, uz] = [vertices[b] - vertices[a], vertices[b + 1] - vertices[a + 1], vertices[b + 2] - vertices[a + 2]];
+      const [vx, vy, vz] = [vertices[c] - vertices[a], vertices[c + 1] - vertices[a + 1], vertices[c + 2] - vertices[a + 2]];
+      faces[k] = uy * vz - uz * vy;
+      faces[k + 1] = uz * vx - ux * vz;
+      faces[k + 2] = ux * vy - uy * vx;
+      for (const at of [a, b, c]) {
+        for (let j = 0; j < 3; j++) smooth[at + j] += faces[k + j];
       }
-      faces.push(unit(normal));
     }
-    const smooth = sums.map(unit);
+    for (const normals of [faces, smooth]) {
+      for (let k = 0; k < normals.length; k += 3) {
+        const length = Math.hypot(normals[k], normals[k + 1], normals[k + 2]) || 1;
+        for (let j = 0; j < 3; j++) normals[k + j] /= length;
+      }
+    }
     const soup = new Soup(corners.length);
+    const kind = kindOf('part');
+    const three = (list, k) => [list[k], list[k + 1], list[k + 2]];
     for (let k = 0; k < corners.length; k++) {
-      const face = faces[Math.floor(k / 3)];
-      const normal = smooth[corners[k]];
-      soup.add(vertices[corners[k]], dot(face, normal) > SMOOTH ? normal : face, kindOf('part'));
+      const face = three(faces, k - (k % 3));
+      const normal = three(smooth, 3 * corners[k]);
+      soup.add(three(vertices, 3 * corners[k]), dot(face, normal) > SMOOTH ? normal : face, kind);
     }
     return soup;
   }
@@ -165,14 +178,17 @@ class Scene {
 
   /** Some thousand places of all that is there, to look at it as a whole. */
   sample() {
-    const every = (list, at) => {
-      const step = Math.ceil(list.length / 3000);
-      return list.filter((_, k) => k % step === 0).map(at);
+    const every = (count, at) => {
+      const step = Math.ceil(count / 3000);
+      return Array.from({ length: step ? Math.ceil(count / step) : 0 }, (_, k) => at(k * step));
     };
     const nodes = this.forests.flat();
-    const corners = this.data.bounds_mm;
-    const places = [...every(this.surface.vertices, (v) => v), ...every(nodes, (n) => n.at)];
-    return places.length ? places : corners;
+    const { vertices } = this.surface;
+    const places = [
+      ...every(vertices.length / 3, (k) => [...vertices.subarray(3 * k, 3 * k + 3)]),
+      ...every(nodes.length, (k) => nodes[k].at),
+    ];
+    return places.length ? places : this.data.bounds_mm;
   }
 
   /** The plate as lines, with a square's side in mm. */

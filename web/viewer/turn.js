@@ -83,7 +83,8 @@ class TurnPage {
   load() {
     this.painter = Painter.on(this.canvas);
     if (!this.painter) {
-      failed('This browser shows no WebGL, so that the part cannot be drawn here. The list and the figures are complete.');
+      const words = 'This browser shows no WebGL, so that the part cannot be drawn here. The list and the figures are complete.';
+      document.getElementById('where').textContent = words;
       return;
     }
     this.painter.resize();
