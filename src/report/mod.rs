@@ -13,9 +13,11 @@
 //! - [`check`]: what a check found, as JSON
 //! - [`survey`]: a checked job as pictures and as a page
 //! - [`support`]: what supports amount to, as JSON and as a table
-//! - `canvas`: one drawing as SVG or PNG
+//! - [`turn`]: a part with its supports as a page that turns it
+//! - `canvas`: one drawing as SVG or PNG; `embed`: data in a page
 mod canvas;
 pub mod check;
+mod embed;
 mod frame;
 pub mod gain;
 mod legend;
@@ -25,3 +27,4 @@ pub mod strokes;
 pub mod support;
 pub mod survey;
 mod svg;
+pub mod turn;

@@ -6,7 +6,7 @@
 /** The bytes of a base64 text, inflated. */
 async function inflated(base64) {
   if (typeof DecompressionStream === 'undefined') {
-    throw new Error('This browser cannot unpack the layers (it knows no DecompressionStream). Firefox 113, Chrome 80, Safari 16.4 and later can.');
+    throw new Error('This browser cannot unpack the data of this page (it knows no DecompressionStream). Firefox 113, Chrome 80, Safari 16.4 and later can.');
   }
   const text = atob(base64.trim());
   const bytes = new Uint8Array(text.length);
@@ -27,7 +27,7 @@ class Reader {
     let value = 0;
     let factor = 1;
     for (;;) {
-      if (this.at >= this.end) throw new Error('The page is incomplete: the layers end too early.');
+      if (this.at >= this.end) throw new Error('The page is incomplete: its data ends too early.');
       const byte = this.bytes[this.at++];
       // Not shifted: heights in µm may need more than 32 bits.
       value += (byte & 0x7f) * factor;

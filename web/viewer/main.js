@@ -1,21 +1,6 @@
 'use strict';
 // Puts the page together: the data, the view, the strip, the findings, the keys.
 
-const THEME_KEY = 'outrigger-theme';
-
-/** Light or dark: as chosen, else as the system has it. */
-function theme(chosen) {
-  let kept = chosen;
-  // A page from a file may have no storage.
-  try {
-    if (chosen) localStorage.setItem(THEME_KEY, chosen);
-    else kept = localStorage.getItem(THEME_KEY);
-  } catch { /* the system's it is */ }
-  const dark = kept ? kept === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
-  document.documentElement.dataset.theme = dark ? 'dark' : 'light';
-  return dark;
-}
-
 class Page {
   constructor(job, layers) {
     this.job = job;

@@ -1,28 +1,6 @@
 'use strict';
 // A layer from above on a canvas: moved and zoomed by mouse, keys and fingers.
 
-/** The smallest of 1, 2, 5, 10, 20 … and their tenths that is no less. */
-function roundStep(least) {
-  const power = 10 ** Math.floor(Math.log10(least));
-  return [1, 2, 5, 10].map((s) => s * power).find((s) => s >= least * 0.9999);
-}
-
-/** A length or coordinate for people; −0 is 0. */
-function mm(value, digits = 2) {
-  const text = value.toFixed(digits);
-  return (/^-0\.?0*$/.test(text) ? text.slice(1) : text).replace('-', '−');
-}
-
-/** A height for people: to a hundredth, and to a micrometre where layers need it. */
-function height(value) {
-  return value.toFixed(3).replace(/0$/, '');
-}
-
-/** The value of a colour variable of the page. */
-function colour(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-}
-
 class LayerView {
   /** `kinds`: the data's classes by their number; `onCursor` is told mm, or nothing. */
   constructor(canvas, kinds, bounds, onCursor) {

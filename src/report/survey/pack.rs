@@ -15,6 +15,7 @@
 use super::class::{ALL, Class};
 use super::simplify::simplified;
 use crate::layers::shape::{Point, Polygon, Ring, UNITS_PER_MM};
+use crate::report::embed::{put, put_signed};
 
 /// A step of the page's grid, mm.
 pub const STEP_MM: f64 = 0.005;
@@ -32,19 +33,6 @@ pub struct Packed {
     pub bytes: Vec<u8>,
     /// Polygons that had no room.
     pub left_out: u32,
-}
-
-/// Appends a varint.
-pub fn put(out: &mut Vec<u8>, mut value: u64) {
-    while value > 0x7f {
-        out.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    out.push(value as u8);
-}
-
-fn put_signed(out: &mut Vec<u8>, value: i64) {
-    put(out, ((value << 1) ^ (value >> 63)) as u64);
 }
 
 /// Takes a varint from the front; `None` at the end, and for one of more than 64 bits.

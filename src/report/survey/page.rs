@@ -10,19 +10,18 @@ use super::class::ALL;
 use super::pack::STEP_MM;
 use super::stack::{Kind, Stack};
 use crate::report::check::{Island, Report};
+use crate::report::embed::{base64, deflated, filled, json};
 use crate::report::svg::escaped;
-use flate2::Compression;
-use flate2::write::ZlibEncoder;
 use serde::Serialize;
-use std::io::Write;
 
 /// Most findings of a kind that the page lists, the largest.
 const LISTED_MAX: usize = 500;
 
 const PAGE: &str = include_str!("../../../web/viewer/page.html");
 const STYLE: &str = include_str!("../../../web/viewer/page.css");
-const SCRIPTS: [&str; 5] = [
+const SCRIPTS: [&str; 6] = [
     include_str!("../../../web/viewer/decode.js"),
+    include_str!("../../../web/viewer/words.js"),
     include_str!("../../../web/viewer/view.js"),
     include_str!("../../../web/viewer/strip.js"),
     include_str!("../../../web/viewer/findings.js"),
@@ -87,73 +86,14 @@ fn largest(islands: &[Island]) -> Vec<Island> {
     islands
 }
 
-/// The page with its marks, which stand in this order, replaced. What is put in is
-/// not looked at again: a file named like a mark does no harm.
-fn filled(page: &str, marks: &[(&str, &str)]) -> String {
-    let mut out = String::with_capacity(page.len() + marks.iter().map(|m| m.1.len()).sum::<usize>());
-    let mut rest = page;
-    for (mark, text) in marks {
-        let (before, after) = rest.split_once(mark).unwrap_or((rest, ""));
-        out.push_str(before);
-        out.push_str(text);
-        rest = after;
-    }
-    out.push_str(rest);
-    out
-}
-
-/// JSON that ends no script element: `<` is written as an escape.
-fn json(job: &Job) -> std::io::Result<String> {
-    Ok(serde_json::to_string(job)?.replace('<', "\\u003c"))
-}
-
-fn deflated(bytes: &[u8]) -> std::io::Result<Vec<u8>> {
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
-    encoder.write_all(bytes)?;
-    encoder.finish()
-}
-
-/// RFC 4648, section 4.
-fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let byte = |k: usize| u32::from(three.get(k).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for k in 0..4 {
-            let letter = LETTERS[(bits >> (18 - 6 * k) & 63) as usize];
-            out.push(if k <= three.len() { char::from(letter) } else { '=' });
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::report::check::testing::island;
-    use std::io::Read;
-
-    #[test]
-    fn base64_is_as_in_the_standard() {
-        let check = |text: &str, expect: &str| assert_eq!(base64(text.as_bytes()), expect);
-        check("", "");
-        check("f", "Zg==");
-        check("fo", "Zm8=");
-        check("foo", "Zm9v");
-        check("foob", "Zm9vYg==");
-        check("foobar", "Zm9vYmFy");
-        assert_eq!(base64(&[0xff, 0xff, 0xfe]), "///+");
-    }
+    use crate::report::embed::testing::{inside, unpacked};
 
     fn page(report: &Report) -> String {
         html(report, &Survey::new(true)).expect("a page")
-    }
-
-    /// What stands between the tags of an element with an id.
-    fn inside<'a>(page: &'a str, id: &str) -> &'a str {
-        let from = page.find(&format!("id=\"{id}\">")).expect("the element") + id.len() + 6;
-        page[from..].split("</script>").next().expect("its end")
     }
 
     #[test]
@@ -201,21 +141,7 @@ mod tests {
         let mut survey = Survey::new(true);
         survey.add(super::super::Seen { layer: &layer, standings: &[], overhangs: &[] });
         let page = html(&Report::default(), &survey).expect("a page");
-        let text = inside(&page, "layers");
-        let bytes: Vec<u8> = text.bytes().filter(|&b| b != b'=').collect();
-        // Read by bits, not by the writer's way.
-        let value = |b: u8| match b {
-            b'A'..=b'Z' => b - b'A',
-            b'a'..=b'z' => b - b'a' + 26,
-            b'0'..=b'9' => b - b'0' + 52,
-            b'+' => 62,
-            _ => 63,
-        };
-        let bits: Vec<u8> =
-            bytes.iter().flat_map(|&b| (0..6).rev().map(move |k| value(b) >> k & 1)).collect();
-        let raw: Vec<u8> = bits.chunks_exact(8).map(|c| c.iter().fold(0, |v, b| v << 1 | b)).collect();
-        let mut plain = Vec::new();
-        flate2::read::ZlibDecoder::new(raw.as_slice()).read_to_end(&mut plain).expect("deflated");
+        let plain = unpacked(inside(&page, "layers"));
         // Layer 5 from 500 to 700 µm (each two bytes), 13 bytes: one group of the class 1 …
         assert_eq!(plain[..5], [5, 0xf4, 3, 0xbc, 5]);
         assert_eq!(plain[6..11], [1, 1, 1, 1, 3]);

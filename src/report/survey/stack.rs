@@ -5,7 +5,8 @@
 //! where an island appears; then of these too. What was done is told.
 use super::Seen;
 use super::class::Class;
-use super::pack::{Packed, pack, put, repack};
+use super::pack::{Packed, pack, repack};
+use crate::report::embed::put;
 
 /// Most bytes of packed layers. Compressed and as text they take less than that.
 pub const BYTES_MAX: usize = 12 << 20;
