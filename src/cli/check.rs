@@ -4,7 +4,7 @@
 //! table, as JSON and as pictures; findings are no failure unless `--fail-on` says so.
 pub(super) mod flags;
 mod kind;
-mod material;
+pub(super) mod material;
 mod output;
 mod source;
 mod watch;

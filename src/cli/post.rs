@@ -5,6 +5,7 @@
 //! non-zero status would fail the slicer's whole export. A resin job goes another way
 //! ([`resin`]), by its content.
 mod resin;
+mod supports;
 
 use super::files::{self, Replacement};
 use super::interrupt::clean_up_on_signal;
@@ -49,6 +50,19 @@ pub(super) struct Args {
     /// Draw the most improved layer's paths, before and after, as SVG
     #[arg(long, value_name = "FILE.svg")]
     picture: Option<PathBuf>,
+    /// Grow supports under what would print in the air, and put them into the job
+    ///
+    /// `auto` needs no model: the job's own beads or images say what must be held. What the
+    /// slicer has supported is held already. Nothing is reordered then.
+    #[arg(long, value_name = "auto", value_parser = ["auto"])]
+    supports: Option<String>,
+    /// Write a result in which some places cannot be held; it should not be printed
+    #[arg(long, requires = "supports")]
+    allow_unroutable: bool,
+    /// The material, from `outrigger profile list` or a file [default: the G-code's own
+    /// filament where it names one, else pla; for resin jobs resin-standard]
+    #[arg(long, value_name = "NAME", requires = "supports")]
+    material: Option<String>,
     /// Reorder the first layer too
     #[arg(long)]
     first_layer: bool,
@@ -69,6 +83,9 @@ impl Args {
             output: Some(output),
             report: None,
             picture: None,
+            supports: None,
+            allow_unroutable: false,
+            material: None,
             first_layer: false,
             profile: None,
             quiet: true,
@@ -97,7 +114,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             eprintln!("outrigger: {reason}");
             return Ok(ExitCode::from(2));
         }
-        return resin::run(args);
+        return if args.supports.is_some() { supports::run(args) } else { resin::run(args) };
     }
     if let Some(output) = args.output.as_deref().filter(|to| resin::named(to).is_some()) {
         anyhow::bail!(
@@ -105,6 +122,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             args.file.display(),
             output.display()
         );
+    }
+    if args.supports.is_some() {
+        if let Some((name, _)) = [("--picture", args.picture.is_some()), ("--first-layer", args.first_layer)]
+            .into_iter()
+            .find(|(_, given)| *given)
+        {
+            eprintln!("outrigger: {name} does not go with --supports");
+            return Ok(ExitCode::from(2));
+        }
+        return supports::run(args);
     }
     let done = post_file(args)?;
     if let Some(reason) = &done.report.unchanged_reason {

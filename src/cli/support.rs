@@ -18,6 +18,7 @@ use crate::mesh::{self, Mesh, place, stl};
 use crate::profile::load_material;
 use crate::profile::material::MaterialKind;
 use crate::report::support::Report;
+use crate::report::turn;
 use crate::support::cut::Cuts;
 use crate::support::look::{Look, look};
 use crate::support::plan::{Branching, Placing, Plan, plan};
@@ -73,6 +74,9 @@ pub(super) struct Args {
     /// place_mm, reason, area_mm2, island), negligible, amiss, warnings, seconds.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
+    /// Draw the model with its supports: a page that turns, .html, that needs no network
+    #[arg(long, value_name = "FILE.html", value_parser = flags::page)]
+    picture: Option<PathBuf>,
     /// Say nothing unless something is wrong
     #[arg(short, long)]
     quiet: bool,
@@ -121,7 +125,9 @@ struct Task {
 /// be written.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     clean_up_on_signal();
-    if let Some(same) = [&args.output, &args.json].into_iter().flatten().find(|to| is_same(to, &args.file)) {
+    if let Some(same) =
+        [&args.output, &args.json, &args.picture].into_iter().flatten().find(|to| is_same(to, &args.file))
+    {
         eprintln!("outrigger: {} would be replaced itself; name another file", same.display());
         return Ok(ExitCode::from(2));
     }
@@ -135,7 +141,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     report.put(&made, PI / 4.0 * task.rules.tip_mm * task.rules.tip_mm);
     report.volume_mm3 = volume_mm3(&made, &task.heights);
     report.seconds.plan = planning.elapsed().as_secs_f64();
-    drop(seen);
     let file = as_file(&made)?;
     let proving = Instant::now();
     let proof = if made.forest.nodes.is_empty() { Proof::default() } else { proved(&file, &task, &made)? };
@@ -143,6 +148,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     report.seconds.proof = proving.elapsed().as_secs_f64();
     report.seconds.total = began.elapsed().as_secs_f64();
     tell(args, &report)?;
+    draw(args, &task, &seen, &made, &report)?;
     ensure!(
         proof.holds(),
         "the supports were not written, because the result does not hold: {}; this is a fault of the program: please report it with the model",
@@ -264,6 +270,28 @@ fn tell(args: &Args, report: &Report) -> anyhow::Result<()> {
         return Ok(());
     }
     files::write_whole(text.as_bytes(), to, "report")
+}
+
+/// The page, whether or not the supports may be written: it shows what cannot be held.
+fn draw(args: &Args, task: &Task, seen: &Look, made: &Plan, report: &Report) -> anyhow::Result<()> {
+    let Some(to) = &args.picture else { return Ok(()) };
+    let mut figures = serde_json::to_value(report).context("cannot make the page")?;
+    if let Some(fields) = figures.as_object_mut() {
+        for known in ["file", "method", "unroutable", "warnings", "amiss", "negligible"] {
+            fields.remove(known);
+        }
+    }
+    let method = turn::Method { name: report.method, forest: &made.forest, unheld: &made.unheld, figures };
+    let scene = turn::Scene {
+        title: &report.file,
+        vertices: &task.mesh.vertices,
+        triangles: &task.mesh.triangles,
+        needs: &seen.demand.needs,
+        methods: &[method],
+        notes: &report.warnings,
+    };
+    let page = turn::html(&scene).context("cannot make the page")?;
+    files::write_whole(page.as_bytes(), to, "picture")
 }
 
 fn write(args: &Args, task: &Task, made: &Plan, mut file: Vec<u8>) -> anyhow::Result<()> {

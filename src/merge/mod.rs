@@ -5,7 +5,8 @@
 //!
 //! # Layout
 //! - [`into_mesh`]: a forest as closed bodies; [`together`]: these and a part as one stack
-//! - [`into_gcode`]: as beads, layer by layer
+//! - [`into_gcode`]: as beads, layer by layer; [`into_images`]: drawn into pictures
 pub mod into_gcode;
+pub mod into_images;
 pub mod into_mesh;
 pub mod together;

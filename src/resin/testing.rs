@@ -81,3 +81,8 @@ pub(crate) fn header(width: u32, height: u32) -> Vec<u8> {
     png.truncate(33);
     png
 }
+
+/// A layer of 1 mm that ends at this height, mm.
+pub(crate) fn layer(top_mm: f64) -> super::job::JobLayer {
+    super::job::JobLayer { entry: 0, top_mm, height_mm: 1.0, exposure_s: 2.0 }
+}

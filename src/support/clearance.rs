@@ -90,7 +90,7 @@ impl Drawing {
     pub fn add(&mut self, layers: &[Layer]) {
         let grid = self.grid;
         let mut by_slab: BTreeMap<usize, Vec<&Layer>> = BTreeMap::new();
-        for layer in layers.iter().filter(|l| !l.part.is_empty()) {
+        for layer in layers.iter().filter(|l| !l.part.is_empty() || !l.aid.is_empty()) {
             let [low, high] = [grid.slab(layer.bottom_mm + 1e-6), grid.slab(layer.top_mm)];
             for slab in low..=high.max(low) {
                 by_slab.entry(slab).or_default().push(layer);
@@ -131,6 +131,8 @@ impl Grid {
             let up = (layer.top_mm / self.slab_mm - slab as f64) * 255.0;
             let level = up.ceil().clamp(1.0, 255.0) as u8;
             self.draw_region(&layer.part, level, &mut picture);
+            // What is printed besides is in the way as well.
+            self.draw_region(&layer.aid, level, &mut picture);
         }
         picture
     }

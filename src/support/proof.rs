@@ -109,9 +109,9 @@ pub fn prove<L: Layers>(
     let raised_mm = rules.gap_mm.max(0.0);
     let contacts: Vec<[f64; 3]> =
         plan.forest.nodes.iter().filter(|n| n.kind == Kind::Tip).map(|n| n.at_mm).collect();
-    // A tip is looked for in the layer that holds the place a layer below its contact.
+    // A tip is looked for a layer below the underside that it holds.
     let mut left: Vec<[f64; 3]> =
-        contacts.iter().map(|t| [t[0], t[1], (t[2] + raised_mm - layer_mm).max(0.0)]).collect();
+        contacts.iter().map(|t| [t[0], t[1], (t[2] + rules.gap_mm - layer_mm).max(0.0)]).collect();
     left.sort_by(|a, b| a[2].total_cmp(&b[2]));
     let gather = Gather::new(rules.spacing_mm / CELLS);
     let mut tips = Tips { left, at: 0, missing: Vec::new(), gather };
@@ -137,7 +137,7 @@ pub fn prove<L: Layers>(
         .collect();
     Ok(Proof {
         islands_mm: found.islands.islands.iter().map(place).filter(|at| !told(*at)).collect(),
-        floating_mm: found.islands.floating_aid.iter().map(place).collect(),
+        floating_mm: found.islands.floating_aid.iter().map(place).filter(|at| !told(*at)).collect(),
         missing_tips_mm: tips.missing,
         far_mm2: far.iter().map(|n| n.area_mm2).sum(),
         far_mm: far.into_iter().map(|n| n.at_mm).collect(),

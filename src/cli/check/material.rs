@@ -14,7 +14,7 @@ pub(super) fn rules(name: &str) -> anyhow::Result<crate::profile::material::Self
 }
 
 /// The profile of the filament that G-code names, if there is one.
-pub(super) fn of_gcode(file: &mut (impl Read + Seek)) -> std::io::Result<Option<&'static str>> {
+pub(in crate::cli) fn of_gcode(file: &mut (impl Read + Seek)) -> std::io::Result<Option<&'static str>> {
     file.seek(SeekFrom::Start(0))?;
     // Binary G-code has its settings at the beginning, and this makes them comments.
     let text = outrigger_gcode::bgcode::text(BufReader::new(&mut *file));

@@ -26,6 +26,7 @@ mod trace;
 #[cfg(test)]
 mod tests;
 
+use super::shape::Bounds;
 use super::stack::{Layer, Layers};
 use levels::Stack;
 use rayon::prelude::*;
@@ -169,6 +170,18 @@ impl BeadLayers {
     #[must_use]
     pub fn facts(&self) -> &Facts {
         &self.facts
+    }
+
+    /// Bounds of all beads' middles.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        Bounds::of(&self.trace.points)
+    }
+
+    /// Height of the last layer's top, mm.
+    #[must_use]
+    pub fn height_mm(&self) -> f64 {
+        self.stack.layers().checked_sub(1).map_or(0.0, |last| self.stack.heights_mm(last)[1])
     }
 
     /// How many layers the next batch takes: bounded in layers and in points.

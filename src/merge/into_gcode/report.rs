@@ -82,3 +82,27 @@ pub struct MergeReport {
     /// Height of the supports that the job is too low for, mm; 0 where it is not.
     pub missing_top_mm: f64,
 }
+
+impl MergeReport {
+    /// What was left out of the sections, and why, for people; nothing where nothing was.
+    #[must_use]
+    pub fn words(&self) -> Vec<String> {
+        let told = |clipped: &Clipped, why: &str| {
+            let [x, y] = clipped.first_place_mm;
+            (clipped.layers > 0).then(|| {
+                format!(
+                    "in {} layers supports give way to {why}: first at X {x:.1} Y {y:.1} Z {:.2}",
+                    clipped.layers, clipped.first_z_mm
+                )
+            })
+        };
+        [
+            told(&self.clipped_by_part, "the part"),
+            told(&self.clipped_by_aids, "what else the job prints (skirt, tower, its own supports)"),
+            told(&self.clipped_by_bed, "the border of the plate"),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+}

@@ -1,0 +1,248 @@
+//! `outrigger post --supports auto`: supports under what a sliced job would print in the air.
+//!
+//! The demand comes from the job itself, its beads or its images; no model is needed. What
+//! the slicer has already supported is held. The result is read anew and looked at with
+//! the same detectors before it takes the job's place.
+use super::Args;
+use crate::cli::check::material;
+use crate::cli::files::{self, Replacement, Seen};
+use crate::cli::progress;
+use crate::detect::overhang::SelfSupport;
+use crate::layers::from_gcode::{self, BeadLayers};
+use crate::layers::from_images::FromImages;
+use crate::layers::shape::{Bounds, Point};
+use crate::layers::stack::Layers;
+use crate::merge::into_gcode::{Options, into_gcode};
+use crate::merge::into_images::Drawn;
+use crate::merge::together::Together;
+use crate::profile::load_material;
+use crate::profile::material::MaterialKind;
+use crate::report::support::Report;
+use crate::resin::rewrite::rewrite;
+use crate::resin::{self, job::Format};
+use crate::support::cut::Cuts;
+use crate::support::look::{Look, look};
+use crate::support::plan::{Branching, Placing, Plan, plan};
+use crate::support::proof::{Proof, prove};
+use crate::support::rules::{Process, Rules};
+use crate::support::section::Sections;
+use anyhow::{Context, bail, ensure};
+use std::f64::consts::PI;
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Bytes that are read and written at a time.
+const BUFFER_BYTES: usize = 256 << 10;
+
+/// Layers right under the part that are printed as interface.
+const INTERFACE_LAYERS: f64 = 2.0;
+
+/// Why the job stays as it is although nothing is wrong.
+#[derive(Debug, thiserror::Error)]
+#[error("nothing in it needs support")]
+struct Nothing;
+
+/// Puts supports into a job.
+///
+/// # Errors
+/// With an output, whatever stands in the way; in place only that FILE is gone.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let began = Instant::now();
+    let path = files::resolve(&args.file)?;
+    let file = files::open_regular(&path)?;
+    let mut report = Report { file: files::display_name(&args.file), method: "tree", ..Report::default() };
+    let done = if super::resin::is_resin(&path) {
+        into_resin(args, &file, &path, &mut report)
+    } else {
+        into_text(args, &file, &path, &mut report)
+    };
+    report.seconds.total = began.elapsed().as_secs_f64();
+    let taken = args.report.as_deref() == Some(Path::new("-"));
+    if done.is_ok() && !args.quiet {
+        let table = report.table();
+        if taken { eprintln!("{table}") } else { crate::cli::say(&table) }
+    }
+    if let Some(to) = &args.report {
+        files::write_text(&report.json()?, to, "report")?;
+    }
+    match done {
+        Ok(()) => Ok(ExitCode::SUCCESS),
+        Err(reason) if args.output.is_none() || reason.is::<Nothing>() => {
+            eprintln!("outrigger: {}: left as it was: {reason:#}", report.file);
+            if let Some(to) = &args.output {
+                let mut source = file.try_clone().context("cannot read the file")?;
+                Replacement::beside(to)?.copy_of(&mut source)?.put(&file)?;
+            }
+            Ok(ExitCode::SUCCESS)
+        }
+        Err(reason) => Err(reason.context(report.file)),
+    }
+}
+
+/// The material's rules: of the one that is named, else of the job's own.
+fn rules(args: &Args, own: &str, report: &mut Report) -> anyhow::Result<(SelfSupport, Process)> {
+    let name = args.material.as_deref().unwrap_or(own);
+    let material = load_material(name)?;
+    name.clone_into(&mut report.material);
+    report.process = material.kind.word();
+    let process = match material.kind {
+        MaterialKind::Filament(_) => Process::Filament,
+        MaterialKind::Resin => Process::Resin,
+    };
+    let of = material.self_support;
+    let own = SelfSupport { angle_deg: of.angle_deg, bridge_mm: of.bridge_mm, min_area_mm2: of.min_area_mm2 };
+    Ok((own, process))
+}
+
+/// Plans supports for what was seen.
+fn planned(args: &Args, seen: &Look, rules: &Rules, report: &mut Report) -> anyhow::Result<Plan> {
+    let began = Instant::now();
+    report.demand_mm2 = seen.demand.area_mm2;
+    report.islands = seen.demand.needs.iter().filter(|n| n.island).count();
+    let made = plan(&seen.demand, &seen.space, rules, Placing::Cover, Branching::Tree);
+    report.put(&made, PI / 4.0 * rules.tip_mm * rules.tip_mm);
+    report.seconds.plan = began.elapsed().as_secs_f64();
+    if let Some(first) = report.unroutable.first() {
+        let [x, y, z] = first.place_mm;
+        ensure!(
+            args.allow_unroutable,
+            "{} places cannot be held, the lowest at X {x:.1} Y {y:.1} Z {z:.2}: {}; turn the model and slice it again, or take what holds with --allow-unroutable, which should not be printed",
+            report.unroutable.len(),
+            first.reason
+        );
+    }
+    if made.forest.nodes.is_empty() {
+        bail!(Nothing);
+    }
+    Ok(made)
+}
+
+fn holds(proof: &Proof, report: &mut Report, began: Instant) -> anyhow::Result<()> {
+    report.seconds.proof = began.elapsed().as_secs_f64();
+    report.amiss = proof.words();
+    ensure!(proof.holds(), "the result does not hold: {}", report.amiss.join("; "));
+    Ok(())
+}
+
+/// The beads of a job, text or binary.
+fn beads(file: &File) -> anyhow::Result<BeadLayers> {
+    let mut reader = BufReader::with_capacity(BUFFER_BYTES, file);
+    reader.seek(SeekFrom::Start(0))?;
+    Ok(from_gcode::read(outrigger_gcode::bgcode::text(reader), &from_gcode::Options::default())?)
+}
+
+fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyhow::Result<()> {
+    let seen_as = Seen::of(file)?;
+    let mut input = file.try_clone().context("cannot read the file")?;
+    let named = material::of_gcode(&mut input).context("cannot read the file")?;
+    let (own, process) = rules(args, named.unwrap_or("pla"), report)?;
+    ensure!(process == Process::Filament, "{} is a resin, and the job is G-code", report.material);
+    let began = Instant::now();
+    let mut layers = beads(file)?;
+    ensure!(!layers.facts().spiral, "this is a spiral vase, which has no layers to print supports in");
+    ensure!(
+        layers.facts().features_told,
+        "the file does not say what is part and what is support, so nothing can be proved of it"
+    );
+    let height_mm = layers.height_mm();
+    report.layer_mm = round(height_mm / f64::from(layers.count().unwrap_or(1).max(1)));
+    let rules = Rules::usual(process, report.layer_mm);
+    report.seconds.read = began.elapsed().as_secs_f64();
+    let looking = Instant::now();
+    let bounds = layers.bounds();
+    let seen = look(&mut layers, bounds, height_mm, own, rules.spacing_mm, &mut ())?;
+    report.seconds.look = looking.elapsed().as_secs_f64();
+    let made = planned(args, &seen, &rules, report)?;
+    drop(seen);
+    let cuts = Cuts::new(&made.forest, INTERFACE_LAYERS * report.layer_mm);
+    let target = args.output.as_deref().unwrap_or(path);
+    let mut replacement = Replacement::beside(target)?;
+    let bar = progress::layers(layers.count(), args.quiet);
+    let mut out = BufWriter::with_capacity(BUFFER_BYTES, replacement.file());
+    input.seek(SeekFrom::Start(0)).context("cannot read the file")?;
+    let merged = into_gcode(&mut input, &mut out, &cuts, &Options::default(), &|done, _| {
+        bar.set_position(done.into());
+    })?;
+    out.flush().with_context(|| format!("cannot write beside {}", target.display()))?;
+    drop(out);
+    bar.finish_and_clear();
+    report.volume_mm3 = merged.volume_mm3;
+    report.warnings.extend(merged.words());
+    let proving = Instant::now();
+    let mut result = beads(replacement.file())?;
+    let proof = prove(&mut result, &made, &rules, own, report.layer_mm)?;
+    holds(&proof, report, proving)?;
+    ensure!(seen_as.still_holds(file, path), "it was replaced or changed while it was read");
+    replacement.put(file)
+}
+
+fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyhow::Result<()> {
+    let seen_as = Seen::of(file)?;
+    let open = |file| -> anyhow::Result<_> { Ok(resin::open(BufReader::with_capacity(BUFFER_BYTES, file))?) };
+    let (own, process) = rules(args, "resin-standard", report)?;
+    ensure!(process == Process::Resin, "{} is a filament, and the job is one of resin", report.material);
+    let began = Instant::now();
+    let job = open(file)?;
+    let (placement, panel) = (job.placement(), job.panel());
+    let layers = job.layers().to_vec();
+    let height_mm = layers.last().map_or(0.0, |l| l.top_mm);
+    report.layer_mm = round(height_mm / layers.len().max(1) as f64);
+    let target = args.output.as_deref().unwrap_or(path);
+    let format = super::resin::named(target).unwrap_or(job.format());
+    let rules = Rules::usual(process, report.layer_mm);
+    let size = [
+        f64::from(panel.width_px) * placement.pixel_mm[0],
+        f64::from(panel.height_px) * placement.pixel_mm[1],
+    ];
+    let [x, y] = if placement.swap { [size[1], size[0]] } else { size };
+    let bounds = Bounds { min: Point::default(), max: Point::from_mm(x, y) };
+    let mut pictures = FromImages::new(job);
+    let seen = look(&mut pictures, bounds, height_mm, own, rules.spacing_mm, &mut ())?;
+    report.seconds.look = began.elapsed().as_secs_f64();
+    let made = planned(args, &seen, &rules, report)?;
+    drop(seen);
+    let cuts = Cuts::new(&made.forest, 0.0);
+    report.volume_mm3 = layers
+        .iter()
+        .map(|l| cuts.section(l.top_mm - l.height_mm, l.top_mm).body.area_mm2() * l.height_mm)
+        .sum();
+    let mut job = open(file)?;
+    let bar = progress::layers(Some(layers.len() as u32), args.quiet);
+    let mut replacement = Replacement::beside(target)?;
+    let mut out = BufWriter::with_capacity(BUFFER_BYTES, replacement.file());
+    let edits = Drawn::new(&cuts, &layers, placement);
+    let written = rewrite(&mut job, &mut out, format, &edits, &mut |done| bar.set_position(done.into()))?;
+    out.flush().with_context(|| format!("cannot write beside {}", target.display()))?;
+    drop(out);
+    bar.finish_and_clear();
+    report.warnings.extend(written.notes);
+    let proving = Instant::now();
+    let result = proved(file, replacement.file(), &made, &rules, own, report.layer_mm, format)?;
+    holds(&result, report, proving)?;
+    ensure!(seen_as.still_holds(file, path), "it was replaced or changed while it was read");
+    replacement.put(file)
+}
+
+/// The job that was and the one that is: what the latter has besides is what holds.
+fn proved(
+    before: &File,
+    after: &File,
+    made: &Plan,
+    rules: &Rules,
+    own: SelfSupport,
+    layer_mm: f64,
+    _format: Format,
+) -> anyhow::Result<Proof> {
+    let reader = |file| BufReader::with_capacity(BUFFER_BYTES, file);
+    let (was, is) = (resin::open(reader(before))?, resin::open(reader(after))?);
+    let mut both = Together::new(FromImages::new(was), vec![FromImages::new(is)]);
+    Ok(prove(&mut both, made, rules, own, layer_mm)?)
+}
+
+/// Heights come from sums: as people write them.
+fn round(mm: f64) -> f64 {
+    (mm * 1e4).round() / 1e4
+}
