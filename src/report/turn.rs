@@ -122,7 +122,7 @@ struct Place {
 pub fn html(scene: &Scene<'_>) -> std::io::Result<String> {
     let methods = &scene.methods[..scene.methods.len().min(METHODS_MAX)];
     let grid = Grid::around(places(scene, methods));
-    let (mut bytes, part) = pack::part(&grid, scene.vertices, scene.triangles)?;
+    let (mut bytes, part) = pack::part(&grid, scene.vertices, scene.triangles, pack::MOST)?;
     let demand = pack::needs(&mut bytes, &grid, scene.needs);
     let none = Value::Null;
     let mut shown = Vec::new();

@@ -9,12 +9,17 @@ use crate::support::tree::{Forest, Kind};
 use rustc_hash::FxHashMap;
 use serde::Serialize;
 
-/// Most triangles of the part.
-pub(super) const TRIANGLES_MAX: usize = 400_000;
+/// Most of a part.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Most {
+    /// Triangles.
+    pub(super) triangles: usize,
+    /// Bytes of them, compressed.
+    pub(super) bytes: usize,
+}
 
-/// Most bytes of the part's triangles, compressed: with all the rest as much as leaves the
-/// page below 8 MB.
-pub(super) const BYTES_MAX: usize = 7 << 19;
+/// With all the rest as much as leaves the page below some 8 MB.
+pub(super) const MOST: Most = Most { triangles: 400_000, bytes: 7 << 19 };
 
 /// Most places of what must be held.
 pub(super) const NEEDS_MAX: usize = 60_000;
@@ -101,6 +106,7 @@ pub(super) fn part(
     grid: &Grid,
     vertices: &[[f64; 3]],
     triangles: &[[u32; 3]],
+    most: Most,
 ) -> std::io::Result<(Vec<u8>, Kept)> {
     let is_place = |v: &u32| vertices.get(*v as usize).is_some_and(|v| v.iter().all(|c| c.is_finite()));
     let sound: Vec<[u32; 3]> = triangles.iter().filter(|t| t.iter().all(is_place)).copied().collect();
@@ -108,15 +114,15 @@ pub(super) fn part(
     let mut count = sound.len();
     let mut cell_mm = 0.0_f64;
     let mut packed = Vec::new();
-    if count <= TRIANGLES_MAX {
+    if count <= most.triangles {
         packed = surface(grid, vertices, &sound);
     }
     // Ends: cells grow until all vertices are in a few of them.
-    while count > TRIANGLES_MAX || deflated(&packed)?.len() > BYTES_MAX {
-        cell_mm = (cell_mm * 1.25).max(cell_for(vertices, &sound, TRIANGLES_MAX));
+    while count > most.triangles || (packed.len() > most.bytes && deflated(&packed)?.len() > most.bytes) {
+        cell_mm = (cell_mm * 1.25).max(cell_for(vertices, &sound, most.triangles));
         let (vertices, triangles) = gathered(vertices, &sound, cell_mm);
         count = triangles.len();
-        if count <= TRIANGLES_MAX {
+        if count <= most.triangles {
             packed = surface(grid, &vertices, &triangles);
         }
     }
