@@ -357,7 +357,8 @@ fn what_cannot_take_supports_is_refused_with_a_reason() {
 
 /// The proof, on a job of one layer with a square of supports put in.
 fn proof(change: impl Fn(String) -> String) -> Result<(), String> {
-    const HEAD: &str = "M83\n;LAYER_CHANGE\n;Z:.2\n;HEIGHT:0.2\nG1 Z.2 F600\nG1 E-1 F2400\nG1 X50 Y50 F9000\nG1 E1 F2400\n;TYPE:Perimeter\n;WIDTH:0.4\nG1 F1200\n";
+    // What a wipe of rounded pieces pulled is not wholly pushed again.
+    const HEAD: &str = "M83\n;LAYER_CHANGE\n;Z:.2\n;HEIGHT:0.2\nG1 Z.2 F600\nG1 E-1.00001 F2400\nG1 X50 Y50 F9000\nG1 E1 F2400\n;TYPE:Perimeter\n;WIDTH:0.4\nG1 F1200\n";
     const BODY: &str = "G1 X60 Y50 E.4\nG1 X60 Y60 E.4\nG1 X30 Y10 F9000\nG1 F1200\nG1 X40 Y10 E.4\n";
     let input = format!("{HEAD}{BODY}");
     let (output, _) =
