@@ -55,7 +55,7 @@ fn around_the_bench() -> Columns {
     Columns(vec![column(85.0, 110.0, 2.0, 4.5), column(136.0, 112.0, 0.9, 4.5), cone, between])
 }
 
-fn corpus(name: &str) -> Vec<u8> {
+pub(super) fn corpus(name: &str) -> Vec<u8> {
     std::fs::read(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("gcode/corpus").join(name)).unwrap()
 }
 
