@@ -1,6 +1,6 @@
 //! How long it takes to put supports into a large job, beside `post` on the same job.
 //!
-//! `cargo run --release --example merge_time -- [FILE.gcode] [BRANCHES]`: without a file a job
+//! `cargo run --release --example merge_time -- [FILE.gcode] [BRANCHES] [OUT.gcode]`: without a file a job
 //! of 20 MB is made: 25 boxes with walls and sparse infill in 400 layers, and 100 branches
 //! between and beside them. Fails if the merge takes more than [`TARGET_S`] on the made job.
 #![allow(clippy::print_stdout)]
@@ -114,6 +114,7 @@ fn main() {
     let mut arguments = std::env::args().skip(1);
     let file = arguments.next();
     let count = arguments.next().and_then(|n| n.parse().ok()).unwrap_or(100);
+    let out = arguments.next();
     let made = file.is_none();
     let job = file.map_or_else(job, |path| std::fs::read(path).expect("a job"));
     let branches = branches(count);
@@ -138,6 +139,9 @@ fn main() {
                 println!("refused: {failure}");
                 return;
             }
+        }
+        if let Some(out) = &out {
+            std::fs::write(out, &output).expect("room for the result");
         }
         best = best.min(seconds);
         let start = Instant::now();

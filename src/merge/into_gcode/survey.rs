@@ -383,7 +383,7 @@ mod tests {
     use super::*;
     use crate::post::annotate::Layers;
 
-    pub(in crate::merge::into_gcode) fn survey(text: &str, dialect: Dialect) -> Result<Survey, Refusal> {
+    fn survey(text: &str, dialect: Dialect) -> Result<Survey, Refusal> {
         let mut told = Told::default();
         told.read(text.as_bytes());
         let mut surveyor = Surveyor::new(dialect, told)?;
@@ -395,8 +395,7 @@ mod tests {
     }
 
     fn corpus(name: &str) -> String {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("gcode/corpus").join(name);
-        String::from_utf8(std::fs::read(path).unwrap()).unwrap()
+        String::from_utf8(super::super::tests::corpus(name)).unwrap()
     }
 
     #[test]

@@ -22,7 +22,7 @@ use super::cross::distance_mm as between_mm;
 use super::flow::Shape;
 use super::plan::Plan;
 use super::survey::Survey;
-use crate::layers::shape::{Place, Point as Grid, Polygon};
+use crate::layers::shape::{Place, Point as Grid, Polygon, ring_edges};
 use crate::toolpath::bead::{Point, distance_mm};
 use outrigger_gcode::dialect::{Dialect, Feature, Mark};
 use outrigger_gcode::line::{Command, Line, parse, split_lines};
@@ -34,6 +34,10 @@ pub const GROWN_MM: f64 = 0.03;
 
 /// Lengths that differ by less are the same, mm.
 const UNIT_MM: f64 = 1e-6;
+
+/// Filament pulled back by less is pushed again but for rounding: a slicer's wipes are sums
+/// of rounded numbers, mm.
+const PULLED_MM: f64 = 0.01;
 
 /// Points looked at along a bead lie this near to each other, mm.
 const STEP_MM: f64 = 0.5;
@@ -252,7 +256,7 @@ impl Verifier {
         let stood = (self.before.machine.position, self.after.machine.position);
         let depths = (self.before.depth_mm, self.after.depth_mm);
         let (a, b) = (self.before.read(&line, self.dialect), self.after.read(&line, self.dialect));
-        let deeper = (depths.0 - depths.1).abs() > UNIT_MM
+        let deeper = (depths.0 - depths.1).abs() > PULLED_MM
             || self.before.machine.firmware_retracted != self.after.machine.firmware_retracted;
         match (a, b) {
             (Effect::Motion(a), Effect::Motion(b)) => {
@@ -375,7 +379,7 @@ impl Verifier {
         if !matches!(feature, Feature::Support | Feature::SupportInterface) {
             return Err(What::Bead("as something else"));
         }
-        if depth_mm > UNIT_MM || self.after.machine.firmware_retracted {
+        if depth_mm > PULLED_MM || self.after.machine.firmware_retracted {
             return Err(What::Bead("with the filament pulled back"));
         }
         if (m.from[2] - plan.top_mm).abs() > UNIT_MM || (m.to[2] - plan.top_mm).abs() > UNIT_MM {
@@ -406,8 +410,14 @@ impl Verifier {
 
     /// What holds for the layer's new beads together.
     fn beads(&self, plan: &Plan, check: &Layer<'_>) -> Result<(), What> {
-        let planned: Vec<&Polygon> =
-            plan.section.body.polygons.iter().chain(&plan.section.interface.polygons).collect();
+        let planned: Vec<Planned<'_>> = plan
+            .section
+            .body
+            .polygons
+            .iter()
+            .chain(&plan.section.interface.polygons)
+            .map(Planned::new)
+            .collect();
         let mut last = 0;
         for run in &check.added {
             // A dot is a line of 0.785 widths where a disc is meant.
@@ -419,8 +429,8 @@ impl Verifier {
                 for k in u32::from(n > 0)..=steps as u32 {
                     let t = f64::from(k) / steps;
                     let p = [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
-                    if !planned.get(last).is_some_and(|polygon| holds(polygon, p, grown)) {
-                        last = (planned.iter().position(|polygon| holds(polygon, p, grown)))
+                    if !planned.get(last).is_some_and(|own| own.holds(p, grown)) {
+                        last = (planned.iter().position(|own| own.holds(p, grown)))
                             .ok_or(What::Outside(p[0], p[1]))?;
                     }
                 }
@@ -479,7 +489,7 @@ impl Verifier {
             ("what is printed", self.before.context == self.after.context),
             ("the retraction", {
                 a.firmware_retracted == b.firmware_retracted
-                    && near(self.before.depth_mm, self.after.depth_mm)
+                    && (self.before.depth_mm - self.after.depth_mm).abs() < PULLED_MM
             }),
         ];
         checks.iter().find(|(_, holds)| !holds).map_or(Ok(()), |(what, _)| Err(What::End(what)))
@@ -491,7 +501,7 @@ impl Verifier {
     /// What differs.
     pub(super) fn finish(self) -> Result<(), Difference> {
         let fails = |what| Err(Difference { layer: 0, what: What::Move(what) });
-        if self.after.deepest_mm > self.before.deepest_mm + UNIT_MM {
+        if self.after.deepest_mm > self.before.deepest_mm + PULLED_MM {
             return fails("with the filament pulled back deeper than the file does");
         }
         if self.after.fastest > self.before.fastest {
@@ -524,15 +534,27 @@ impl<'a> Layer<'a> {
     }
 }
 
-/// Whether a point lies in a polygon, or within a distance of its border.
-fn holds(polygon: &Polygon, p: Point, grown_mm: f64) -> bool {
-    if polygon.place(Grid::from_mm(p[0], p[1])) != Place::Outside {
-        return true;
+/// A planned polygon and its bounds, mm.
+struct Planned<'a> {
+    polygon: &'a Polygon,
+    bounds: [Point; 2],
+}
+
+impl Planned<'_> {
+    fn new(polygon: &Polygon) -> Planned<'_> {
+        Planned { polygon, bounds: polygon.bounds().mm() }
     }
-    polygon.rings.iter().any(|ring| {
-        let last = ring.last().copied();
-        ring.iter()
-            .zip(last.iter().chain(ring.iter()))
-            .any(|(a, b)| super::cross::to_segment_mm(p, [a.mm(), b.mm()]) <= grown_mm)
-    })
+
+    /// Whether a point lies in it, or within a distance of its border.
+    fn holds(&self, p: Point, grown_mm: f64) -> bool {
+        let [low, high] = self.bounds;
+        if (0..2).any(|k| p[k] < low[k] - grown_mm || p[k] > high[k] + grown_mm) {
+            return false;
+        }
+        if self.polygon.place(Grid::from_mm(p[0], p[1])) != Place::Outside {
+            return true;
+        }
+        let near = |[a, b]: [Grid; 2]| super::cross::to_segment_mm(p, [a.mm(), b.mm()]) <= grown_mm;
+        self.polygon.rings.iter().any(|ring| ring_edges(ring).any(near))
+    }
 }
