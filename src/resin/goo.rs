@@ -311,7 +311,8 @@ fn recipe(names: &Names, settings: &Settings) -> Recipe {
     Recipe {
         bottom: stage(0, settings.bottom_exposure_s),
         usual: stage(1, settings.exposure_s),
-        bottom_layers: settings.bottom_layers,
+        // More than there are is all of them; other formats do not take any number.
+        bottom_layers: settings.bottom_layers.min(MAX_LAYERS as u32),
         transition_layers: settings.transition_layers.into(),
         print_time_s: (settings.print_time_s > 0).then(|| settings.print_time_s.into()),
         resin_mm3: told(settings.volume_mm3, 0.0..=1e9).filter(|&v| v > 0.0),

@@ -49,7 +49,7 @@ impl<W: Write + Seek> ArchiveWriter<W> {
     /// An empty archive.
     pub fn new(out: W) -> ArchiveWriter<W> {
         let fault = Fault::default();
-        ArchiveWriter { zip: ZipWriter::new(Watched { out, broken: false, fault: fault.clone() }), fault }
+        ArchiveWriter { zip: ZipWriter::new(Watched::new(out, fault.clone())), fault }
     }
 
     /// Takes over the comment of another archive.
@@ -140,10 +140,24 @@ impl Fault {
 struct Watched<W> {
     out: W,
     broken: bool,
+    /// Where it stands, and the farthest that it stood: also what it only seemed to take.
+    at: u64,
+    end: u64,
     fault: Fault,
 }
 
 impl<W> Watched<W> {
+    /// From the beginning of an empty writer.
+    fn new(out: W, fault: Fault) -> Watched<W> {
+        Watched { out, broken: false, at: 0, end: 0, fault }
+    }
+
+    fn stand(&mut self, at: u64) -> u64 {
+        self.at = at;
+        self.end = self.end.max(at);
+        at
+    }
+
     fn note<T>(&mut self, done: io::Result<T>, otherwise: T) -> io::Result<T> {
         match done {
             Err(e) if e.kind() != io::ErrorKind::Interrupted => {
@@ -158,14 +172,17 @@ impl<W> Watched<W> {
 
 impl<W: Write> Write for Watched<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if self.broken {
-            return Ok(bytes.len());
-        }
-        let written = match self.out.write(bytes) {
+        let written = match self.broken {
+            true => Ok(bytes.len()),
+            false => self.out.write(bytes),
+        };
+        let written = match written {
             Ok(0) if !bytes.is_empty() => Err(io::ErrorKind::WriteZero.into()),
             written => written,
         };
-        self.note(written, bytes.len())
+        let written = self.note(written, bytes.len())?;
+        self.stand(self.at + written as u64);
+        Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -179,7 +196,15 @@ impl<W: Write> Write for Watched<W> {
 
 impl<W: Seek> Seek for Watched<W> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.out.seek(to)
+        let seeming = match to {
+            SeekFrom::Start(at) => at,
+            SeekFrom::Current(by) => self.at.saturating_add_signed(by),
+            SeekFrom::End(by) => self.end.saturating_add_signed(by),
+        };
+        // A buffer writes what it holds before it moves, and may fail at that.
+        let moved = if self.broken { Ok(seeming) } else { self.out.seek(to) };
+        let at = self.note(moved, seeming)?;
+        Ok(self.stand(at))
     }
 }
 
@@ -187,7 +212,7 @@ impl<W: Seek> Seek for Watched<W> {
 mod tests {
     use super::*;
     use crate::resin::testing::{archive, stored};
-    use std::io::Cursor;
+    use std::io::{BufWriter, Cursor};
 
     fn entries() -> [(&'static str, Vec<u8>); 3] {
         [("a.txt", b"hello".repeat(50)), ("b/ü.png", vec![7; 300]), ("empty", vec![])]
@@ -280,6 +305,14 @@ mod tests {
             let written = (0..3).try_for_each(|i| writer.copy(&mut from, i));
             let said = written.and_then(|()| writer.finish().map(drop)).expect_err("no room").to_string();
             assert_eq!(said, "the disk is full", "{room}");
+
+            // Behind a buffer, which fails when it is moved.
+            let mut writer = ArchiveWriter::new(BufWriter::new(Disk(Cursor::new(Vec::new()), room)));
+            let written = (0..3).try_for_each(|i| writer.add(&i.to_string(), &[7; 9], Packed::Stored));
+            let Err(e) = written.and_then(|()| writer.finish()?.flush().map_err(WriteError::Io)) else {
+                continue;
+            };
+            assert_eq!(e.to_string(), "the disk is full", "{room}");
         }
     }
 }

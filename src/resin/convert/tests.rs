@@ -205,6 +205,18 @@ fn bottom_layers_that_sl1_does_not_know_are_said() {
 }
 
 #[test]
+fn more_bottom_layers_than_layers_are_all() {
+    // Found by the fuzzer: what was written could not be read.
+    let (mut goo, _) = to(&archive(&entries()), Format::Goo);
+    goo[195_373..195_377].fill(0xff);
+    for target in [Format::Sl1, Format::NanoDlp] {
+        let (made, notes) = to(&goo, target);
+        assert_eq!(open(&made).layers().len(), 6);
+        assert!(notes.iter().any(|n| n.starts_with("exposure: ")), "{notes:?}");
+    }
+}
+
+#[test]
 fn heights_that_no_archive_can_say_are_refused() {
     let (mut goo, _) = to(&archive(&entries()), Format::Goo);
     let z = 0.3_f32.to_be_bytes();
