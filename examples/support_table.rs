@@ -96,8 +96,7 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
     let bounds = Bounds { min: Point::from_mm(min[0], min[1]), max: Point::from_mm(max[0], max[1]) };
     let rules = Rules::usual(process, layer_mm);
     let mut layers = FromMesh::new(&mesh, LayerHeights::even(layer_mm)).map_err(|e| e.to_string())?;
-    let seen =
-        look(&mut layers, bounds, max[2], own, rules.spacing_mm, &mut ()).map_err(|e| e.to_string())?;
+    let seen = look(&mut layers, bounds, max[2], own, &rules, &mut ()).map_err(|e| e.to_string())?;
     let looked = began.elapsed().as_secs_f64();
     let ways = [
         ("straight", Placing::Cover, Branching::Straight),

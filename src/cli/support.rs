@@ -210,7 +210,7 @@ fn see(args: &Args, task: &Task, report: &mut Report) -> anyhow::Result<Look> {
         FromMesh::new(&task.mesh, task.heights).with_context(|| files::display_name(&args.file))?;
     let bounds = Bounds { min: Point::from_mm(min[0], min[1]), max: Point::from_mm(max[0], max[1]) };
     let mut bar = Bar(progress::layers(crate::layers::stack::Layers::count(&layers), args.quiet));
-    let seen = look(&mut layers, bounds, max[2], task.own, task.rules.spacing_mm, &mut bar)?;
+    let seen = look(&mut layers, bounds, max[2], task.own, &task.rules, &mut bar)?;
     bar.0.finish_and_clear();
     report.demand_mm2 = seen.demand.area_mm2;
     report.islands = seen.demand.needs.iter().filter(|n| n.island).count();

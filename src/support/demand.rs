@@ -8,7 +8,7 @@
 //! Choices: an island of at least the smallest area asked for is a need of its own, at
 //! the layer in which it appears, at its centroid or, where that lies outside of it, at
 //! the innermost of some places inside. Regions of less area in all that hold no such
-//! island need nothing; they are those that `check` lists apart.
+//! island need nothing, nor does what is so near the plate that this catches it as it sags; they are those that `check` lists apart.
 use crate::detect::island::Island;
 use crate::detect::walk::{Seen, Watch};
 use crate::layers::shape::{Place, Point, Polygon, ring_edges};
@@ -81,9 +81,10 @@ impl Gather {
     }
 
     /// What was gathered. `islands` are those that count; regions without one need at
-    /// least `min_area_mm2`.
+    /// least `min_area_mm2`, and begin no lower than `caught_mm`.
     #[must_use]
-    pub fn finish(self, islands: &[Island], min_area_mm2: f64) -> Demand {
+    pub fn finish(mut self, islands: &[Island], min_area_mm2: f64, caught_mm: f64) -> Demand {
+        self.cells.retain(|_, need| need.at_mm[2] >= caught_mm);
         let cell_mm = self.cell_mm;
         let mut needs: Vec<Need> = self.cells.into_values().collect();
         let key = |n: &Need| (n.at_mm[2], n.at_mm[1], n.at_mm[0]);

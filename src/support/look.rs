@@ -1,6 +1,7 @@
 //! One look at a job's layers: what must be held, and where branches may go.
 use super::clearance::{Clearance, Drawing};
 use super::demand::{Demand, Gather};
+use super::rules::Rules;
 use crate::detect::overhang::{Growth, SelfSupport};
 use crate::detect::walk::{Ask, Findings, LayerAsk, Seen, Stage, Watch, walk};
 use crate::layers::shape::Bounds;
@@ -61,7 +62,7 @@ impl<W: Watch> Watch for Both<'_, W> {
 }
 
 /// Looks at all layers of a part within `bounds` and `height_mm`, by what its material holds
-/// itself, for tips `spacing_mm` from what they hold.
+/// itself, for supports by these rules.
 ///
 /// # Errors
 /// Those of the layers' source.
@@ -69,18 +70,18 @@ pub fn look<L: Layers>(
     layers: &mut L,
     bounds: Bounds,
     height_mm: f64,
-    rules: SelfSupport,
-    spacing_mm: f64,
+    own: SelfSupport,
+    rules: &Rules,
     watch: &mut impl Watch,
 ) -> Result<Look, L::Error> {
     let mut drawn = Drawn { layers, drawing: Drawing::new(bounds, height_mm) };
-    let mut both = Both { gather: Gather::new(spacing_mm / CELLS), other: watch };
+    let mut both = Both { gather: Gather::new(rules.spacing_mm / CELLS), other: watch };
     let ask = Ask {
-        min_island_mm2: rules.min_area_mm2,
-        layer: Some(LayerAsk { rules, growth: Growth::Conditional }),
+        min_island_mm2: own.min_area_mm2,
+        layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),
         image: None,
     };
     let findings = walk(&mut drawn, &ask, &mut both)?;
-    let demand = both.gather.finish(&findings.islands.islands, rules.min_area_mm2);
+    let demand = both.gather.finish(&findings.islands.islands, own.min_area_mm2, rules.caught_mm);
     Ok(Look { demand, space: drawn.drawing.finish(), findings })
 }

@@ -124,7 +124,7 @@ pub fn prove<L: Layers>(
     let off = CELLS_OFF * rules.spacing_mm / CELLS;
     let told = |at: [f64; 3]| plan.unheld_mm.iter().any(|u| distance(*u, at) <= off);
     let place = |i: &Island| [i.centroid_mm[0], i.centroid_mm[1], i.z_mm];
-    let demand = tips.gather.finish(&found.islands.islands, own.min_area_mm2);
+    let demand = tips.gather.finish(&found.islands.islands, own.min_area_mm2, rules.caught_mm);
     let reach = rules.spacing_mm + off;
     let far: Vec<_> = demand
         .needs

@@ -46,6 +46,8 @@ pub struct Rules {
     pub clearance_mm: f64,
     /// Space between a tip and the part, mm; negative where it reaches into the part.
     pub gap_mm: f64,
+    /// What overhangs lower than this above the plate is caught by it, mm; islands are not.
+    pub caught_mm: f64,
     /// Most length of a branch, counted from its farthest tip, a diameter.
     pub slenderness: f64,
     /// Tips that a trunk of the thinnest diameter carries.
@@ -74,6 +76,7 @@ impl Rules {
                 lean_deg: 45.0,
                 clearance_mm: 0.8,
                 gap_mm: layer_mm,
+                caught_mm: 2.5 * layer_mm,
                 slenderness: 60.0,
                 trunk_tips: 16.0,
                 on_model: true,
@@ -91,6 +94,7 @@ impl Rules {
                 lean_deg: 45.0,
                 clearance_mm: 0.5,
                 gap_mm: -0.15,
+                caught_mm: 0.0,
                 slenderness: 60.0,
                 trunk_tips: 16.0,
                 on_model: true,

@@ -10,6 +10,9 @@ const LEAST_TIP_MM: f64 = 0.2;
 /// Distance that a tip keeps from walls beside it, mm.
 const TIP_CLEARANCE_MM: f64 = 0.1;
 
+/// A tip in a corner has so much of the usual radius.
+const SLIM: f64 = 0.5;
+
 /// Directions in which a head is tried to lean.
 const DIRECTIONS: u32 = 12;
 
@@ -54,6 +57,8 @@ pub enum Floor {
 pub struct Head {
     /// Where it touches, or would but for the gap, mm.
     pub contact_mm: [f64; 3],
+    /// Radius there, mm: half of what the rules say where walls are near.
+    pub contact_radius_mm: f64,
     /// Where the cone ends in a branch, mm.
     pub end_mm: [f64; 3],
     /// Radius there, mm: less than a branch has where there is no more room.
@@ -107,12 +112,13 @@ impl<'a> Site<'a> {
         // The better one first: a whole branch to the plate, a thin end of the head, then
         // feet on the part.
         for floor in [Floor::Plate, Floor::Model] {
-            for (end_radius_mm, free_mm) in [usual, thin] {
+            for ((end_radius_mm, free_mm), share) in [(usual, 1.0), (thin, 1.0), (thin, SLIM)] {
+                let contact_radius_mm = rules.tip_mm / 2.0 * share;
                 for end_mm in self.ends(at_mm, contact_mm) {
-                    if !self.head_fits(at_mm, end_mm, free_mm) {
+                    if !self.head_fits(at_mm, end_mm, contact_radius_mm + TIP_CLEARANCE_MM * share, free_mm) {
                         continue;
                     }
-                    let head = Head { contact_mm, end_mm, end_radius_mm, floor };
+                    let head = Head { contact_mm, contact_radius_mm, end_mm, end_radius_mm, floor };
                     match floor {
                         Floor::Plate if end_mm[2] <= 0.0 || self.reach.way(end_mm, 0.0).is_some() => {
                             return Ok(head);
@@ -156,7 +162,7 @@ impl<'a> Site<'a> {
     }
 
     /// Whether a head fits: looked at from just below the slab that holds the overhang.
-    fn head_fits(&self, at_mm: [f64; 3], end_mm: [f64; 3], free_mm: f64) -> bool {
+    fn head_fits(&self, at_mm: [f64; 3], end_mm: [f64; 3], thin: f64, free_mm: f64) -> bool {
         let slab = self.space.slab_mm();
         let from_z = ((at_mm[2] - 1e-6) / slab).floor() * slab;
         if from_z <= 0.0 && end_mm[2] <= 0.0 {
@@ -171,7 +177,6 @@ impl<'a> Site<'a> {
             ([0, 1, 2].map(|k| at_mm[k] + (end_mm[k] - at_mm[k]) * t), t)
         };
         let (from, t) = along(from_z - 1e-6);
-        let thin = self.rules.tip_mm / 2.0 + TIP_CLEARANCE_MM;
         // A foot under a tip close to the plate has no room to widen.
         let wide = if end_mm[2] <= 0.0 { thin } else { free_mm };
         self.space.is_clear(from, end_mm, [thin + (wide - thin) * t, wide])

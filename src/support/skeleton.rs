@@ -196,7 +196,7 @@ impl<'a> Skeleton<'a> {
             if let Some(head) = knot.head {
                 let node = &mut forest.nodes[own as usize];
                 (node.radius_mm, node.fixed) = (head.end_radius_mm, true);
-                forest.push(head.contact_mm, Kind::Tip, own, rules.tip_mm / 2.0);
+                forest.push(head.contact_mm, Kind::Tip, own, head.contact_radius_mm);
             }
             match (knot.down, &knot.way) {
                 (Some(down), _) => forest.nodes[own as usize].down = index[down],

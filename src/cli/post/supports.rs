@@ -153,7 +153,7 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
     report.seconds.read = began.elapsed().as_secs_f64();
     let looking = Instant::now();
     let bounds = layers.bounds();
-    let seen = look(&mut layers, bounds, height_mm, own, rules.spacing_mm, &mut ())?;
+    let seen = look(&mut layers, bounds, height_mm, own, &rules, &mut ())?;
     report.seconds.look = looking.elapsed().as_secs_f64();
     let made = planned(args, &seen, &rules, report)?;
     drop(seen);
@@ -200,7 +200,7 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     let [x, y] = if placement.swap { [size[1], size[0]] } else { size };
     let bounds = Bounds { min: Point::default(), max: Point::from_mm(x, y) };
     let mut pictures = FromImages::new(job);
-    let seen = look(&mut pictures, bounds, height_mm, own, rules.spacing_mm, &mut ())?;
+    let seen = look(&mut pictures, bounds, height_mm, own, &rules, &mut ())?;
     report.seconds.look = began.elapsed().as_secs_f64();
     let made = planned(args, &seen, &rules, report)?;
     drop(seen);

@@ -60,7 +60,7 @@ fn is_sound(part: &[Layer], look: &Look, made: &Plan, rules: &Rules) {
     assert_eq!(forest.downward().len(), forest.nodes.len(), "no branch stands on itself");
     let mut lengths = Vec::new();
     for node in &forest.nodes {
-        assert!(node.radius_mm >= rules.tip_mm / 2.0 - 1e-9, "{node:?}");
+        assert!(node.radius_mm >= rules.tip_mm / 4.0 - 1e-9, "{node:?}");
         assert!(node.at_mm[2] >= -1e-9, "{node:?}");
         match node.kind {
             Kind::Plate => assert!(node.down == GROUND && node.at_mm[2].abs() < 1e-9, "{node:?}"),
