@@ -254,7 +254,7 @@ fn proved(file: &[u8], task: &Task, made: &Plan) -> anyhow::Result<Proof> {
         aids.push(cut(&raised)?);
     }
     let mut layers = Together::new(FromMesh::new(&task.mesh, task.heights)?, aids);
-    Ok(prove(&mut layers, made, &task.rules, task.own, task.heights.layer_mm)?)
+    Ok(prove(&mut layers, made, &task.rules, task.own, task.heights.layer_mm, task.rules.gap_mm.max(0.0))?)
 }
 
 fn tell(args: &Args, report: &Report) -> anyhow::Result<()> {

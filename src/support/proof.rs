@@ -94,8 +94,9 @@ impl Watch for Tips {
     }
 }
 
-/// Looks at the result. `layers` have the supports as their aid, raised by the gap where
-/// there is one, so that a tip meets what it holds.
+/// Looks at the result. `layers` have the supports as their aid, so that a tip meets what it
+/// holds: `raised_mm` says by how much all of them were raised for that; 0 where only what
+/// ends below the part was lengthened.
 ///
 /// # Errors
 /// Those of the layers' source.
@@ -105,13 +106,16 @@ pub fn prove<L: Layers>(
     rules: &Rules,
     own: SelfSupport,
     layer_mm: f64,
+    raised_mm: f64,
 ) -> Result<Proof, L::Error> {
-    let raised_mm = rules.gap_mm.max(0.0);
+    let gap_mm = rules.gap_mm.max(0.0);
     let contacts: Vec<[f64; 3]> =
         plan.forest.nodes.iter().filter(|n| n.kind == Kind::Tip).map(|n| n.at_mm).collect();
-    // A tip is looked for a layer below the underside that it holds.
-    let mut left: Vec<[f64; 3]> =
-        contacts.iter().map(|t| [t[0], t[1], (t[2] + rules.gap_mm - layer_mm).max(0.0)]).collect();
+    // A tip is looked for a layer below where it ends, or in resin below the underside.
+    let mut left: Vec<[f64; 3]> = contacts
+        .iter()
+        .map(|t| [t[0], t[1], (t[2] + rules.gap_mm.min(0.0) + raised_mm - layer_mm).max(0.0)])
+        .collect();
     left.sort_by(|a, b| a[2].total_cmp(&b[2]));
     let gather = Gather::new(rules.spacing_mm / CELLS);
     let mut tips = Tips { left, at: 0, missing: Vec::new(), gather };
@@ -131,7 +135,7 @@ pub fn prove<L: Layers>(
         .iter()
         .filter(|n| !n.island && !told(n.at_mm))
         .filter(|n| {
-            let held = |t: &[f64; 3]| distance([t[0], t[1], t[2] + raised_mm], n.at_mm) <= reach;
+            let held = |t: &[f64; 3]| distance([t[0], t[1], t[2] + gap_mm], n.at_mm) <= reach;
             !contacts.iter().any(held)
         })
         .collect();

@@ -222,11 +222,8 @@ impl Forest {
             }
         }
         let mut new = vec![GROUND; kept.len()];
-        let mut next = 0;
-        for (new, _) in new.iter_mut().zip(&kept).filter(|(_, kept)| **kept) {
-            *new = next;
-            next += 1;
-        }
+        let stay = new.iter_mut().zip(&kept).filter(|(_, kept)| **kept);
+        stay.enumerate().for_each(|(k, (new, _))| *new = k as u32);
         let mut at = 0;
         self.nodes.retain(|_| {
             at += 1;

@@ -18,8 +18,8 @@ use crate::merge::together::Together;
 use crate::profile::load_material;
 use crate::profile::material::MaterialKind;
 use crate::report::support::Report;
+use crate::resin;
 use crate::resin::rewrite::rewrite;
-use crate::resin::{self, job::Format};
 use crate::support::cut::Cuts;
 use crate::support::look::{Look, look};
 use crate::support::plan::{Branching, Placing, Plan, plan};
@@ -173,7 +173,7 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
     report.warnings.extend(merged.words());
     let proving = Instant::now();
     let mut result = beads(replacement.file())?;
-    let proof = prove(&mut result, &made, &rules, own, report.layer_mm)?;
+    let proof = prove(&mut result, &made, &rules, own, report.layer_mm, 0.0)?;
     holds(&proof, report, proving)?;
     ensure!(seen_as.still_holds(file, path), "it was replaced or changed while it was read");
     replacement.put(file)
@@ -220,7 +220,7 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     bar.finish_and_clear();
     report.warnings.extend(written.notes);
     let proving = Instant::now();
-    let result = proved(file, replacement.file(), &made, &rules, own, report.layer_mm, format)?;
+    let result = proved(file, replacement.file(), &made, &rules, own, report.layer_mm)?;
     holds(&result, report, proving)?;
     ensure!(seen_as.still_holds(file, path), "it was replaced or changed while it was read");
     replacement.put(file)
@@ -234,12 +234,11 @@ fn proved(
     rules: &Rules,
     own: SelfSupport,
     layer_mm: f64,
-    _format: Format,
 ) -> anyhow::Result<Proof> {
     let reader = |file| BufReader::with_capacity(BUFFER_BYTES, file);
     let (was, is) = (resin::open(reader(before))?, resin::open(reader(after))?);
     let mut both = Together::new(FromImages::new(was), vec![FromImages::new(is)]);
-    Ok(prove(&mut both, made, rules, own, layer_mm)?)
+    Ok(prove(&mut both, made, rules, own, layer_mm, 0.0)?)
 }
 
 /// Heights come from sums: as people write them.

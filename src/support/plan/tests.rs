@@ -50,7 +50,7 @@ fn with_supports(mut part: Vec<Layer>, forest: &Forest, rules: &Rules) -> Vec<La
 
 fn proof(part: &[Layer], made: &Plan, rules: &Rules) -> Proof {
     let mut result = Given(with_supports(part.to_vec(), &made.forest, rules));
-    let Ok(proof) = prove(&mut result, made, rules, OWN, LAYER_MM);
+    let Ok(proof) = prove(&mut result, made, rules, OWN, LAYER_MM, rules.gap_mm.max(0.0));
     proof
 }
 
@@ -220,7 +220,7 @@ fn the_proof_finds_what_is_amiss() {
         let mut other = made.clone();
         change(&mut other);
         let mut result = Given(with_supports(part.clone(), &other.forest, &rules));
-        let Ok(found) = prove(&mut result, &made, &rules, OWN, LAYER_MM);
+        let Ok(found) = prove(&mut result, &made, &rules, OWN, LAYER_MM, rules.gap_mm.max(0.0));
         found
     };
     assert!(with(&|_| {}).holds());
