@@ -21,10 +21,18 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// A line; a reader that has gone away is no error.
+macro_rules! say {
+    ($($words:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stdout(), $($words)*);
+    }};
+}
+
 fn main() {
     let mut args = std::env::args().skip(1);
     let Some(dir) = args.next() else {
-        eprintln!("usage: support_table DIR [WORDS]");
+        esay!("usage: support_table DIR [WORDS]");
         return;
     };
     let words: Vec<String> = args.collect();
@@ -38,15 +46,15 @@ fn main() {
         })
         .collect();
     files.sort();
-    println!(
+    say!(
         "| model | print | method | tips | at least | junctions | plate | model | length mm | volume mm³ | far mm | area mm² | unheld | s |"
     );
-    println!("|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
+    say!("|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
     let mut sums = Sums::default();
     for file in &files {
         for process in [Process::Filament, Process::Resin] {
             if let Err(error) = rows(file, process, &mut sums) {
-                println!("| {} | {process:?} | {error} |", file.display());
+                say!("| {} | {process:?} | {error} |", file.display());
             }
         }
     }
@@ -68,7 +76,7 @@ impl Sums {
             let mut ratios = self.ratios[k].clone();
             ratios.sort_by(f64::total_cmp);
             let middle = ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN);
-            println!(
+            say!(
                 "\n{name}: tips {:.0} / {:.0} / {:.0}, volume {:.0} / {:.0} / {:.0} mm³ (straight / baseline / ours): ours {:.1} % less than the baseline in all, {:.1} % by the median model",
                 tips[0],
                 tips[1],
@@ -112,7 +120,7 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
         let volume = volume_mm3(&made, layer_mm);
         let tally = made.forest.tally();
         let (far, area) = percentiles(&seen, &made);
-        println!(
+        say!(
             "| {} | {process:?} | {name} | {} | {} | {} | {} | {} | {:.0} | {volume:.1} | {far:.2} | {area:.2} | {} | {seconds:.2} |",
             file.file_stem().unwrap_or_default().to_string_lossy(),
             tally.tips,
@@ -123,17 +131,6 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
             tally.length_mm,
             made.unheld.len(),
         );
-        if std::env::var_os("WHY").is_some() {
-            for u in &made.unheld {
-                println!("{:.2?} {:.3} {} {:?}", u.place_mm, u.area_mm2, u.island, u.reason);
-            }
-            println!(
-                "needs {} area {:.1} regions {}",
-                seen.demand.needs.len(),
-                seen.demand.area_mm2,
-                seen.demand.regions
-            );
-        }
         sums.tips[k][m] += f64::from(tally.tips);
         sums.volume[k][m] += volume;
         volumes[m] = volume;

@@ -7,7 +7,7 @@
 //! It holds when
 //! - no island of the part is left but those that were told as not to be held,
 //! - no support is itself an island (paper 003, section 4.3),
-//! - each tip is there, right under what it holds,
+//! - each tip is there under what it holds, within its own diameter,
 //! - each overhanging place is within the spacing of a tip, or was told as not to be held.
 use super::demand::Gather;
 use super::plan::Plan;
@@ -18,6 +18,7 @@ use crate::detect::overhang::{Growth, SelfSupport};
 use crate::detect::walk::{Ask, LayerAsk, Seen, Watch, walk};
 use crate::layers::shape::{Place, Point};
 use crate::layers::stack::Layers;
+use std::f64::consts::TAU;
 
 /// A place that a cell of the demand stands for may lie a cell off, and another one in the
 /// result.
@@ -78,13 +79,26 @@ struct Tips {
     at: usize,
     missing: Vec<[f64; 3]>,
     gather: Gather,
+    wide_mm: f64,
+}
+
+/// A place, and some around it within a tip's diameter: what is merged gives way to walls.
+fn around(at: [f64; 3], wide_mm: f64) -> impl Iterator<Item = [f64; 2]> {
+    let ring = move |radius: f64| {
+        (0..8).map(move |k| {
+            let turn = TAU * f64::from(k) / 8.0;
+            [at[0] + radius * turn.cos(), at[1] + radius * turn.sin()]
+        })
+    };
+    std::iter::once([at[0], at[1]]).chain(ring(wide_mm / 2.0)).chain(ring(wide_mm))
 }
 
 impl Watch for Tips {
     fn layer(&mut self, seen: &Seen<'_>) {
         let layer = seen.layer;
         while let Some(tip) = self.left.get(self.at).filter(|t| t[2] < layer.top_mm - 1e-9) {
-            let there = layer.aid.place(Point::from_mm(tip[0], tip[1])) != Place::Outside;
+            let there = around(*tip, self.wide_mm)
+                .any(|[x, y]| layer.aid.place(Point::from_mm(x, y)) != Place::Outside);
             if !there {
                 self.missing.push(*tip);
             }
@@ -118,7 +132,7 @@ pub fn prove<L: Layers>(
         .collect();
     left.sort_by(|a, b| a[2].total_cmp(&b[2]));
     let gather = Gather::new(rules.spacing_mm / CELLS);
-    let mut tips = Tips { left, at: 0, missing: Vec::new(), gather };
+    let mut tips = Tips { left, at: 0, missing: Vec::new(), gather, wide_mm: rules.tip_mm };
     let ask = Ask {
         min_island_mm2: own.min_area_mm2,
         layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),
