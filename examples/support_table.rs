@@ -8,6 +8,7 @@
 //! material is the volume of the printed layers: the area of each section times its height.
 //! `far` is the distance from overhanging places to their nearest tip and `area` what a tip
 //! carries, both at the 95th percentile by area.
+#![allow(clippy::print_stdout)]
 use outrigger::detect::overhang::SelfSupport;
 use outrigger::layers::from_mesh::{FromMesh, LayerHeights};
 use outrigger::layers::shape::{Bounds, Point};
@@ -21,18 +22,10 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// A line; a reader that has gone away is no error.
-macro_rules! say {
-    ($($words:tt)*) => {{
-        use std::io::Write;
-        let _ = writeln!(std::io::stdout(), $($words)*);
-    }};
-}
-
 fn main() {
     let mut args = std::env::args().skip(1);
     let Some(dir) = args.next() else {
-        esay!("usage: support_table DIR [WORDS]");
+        eprintln!("usage: support_table DIR [WORDS]");
         return;
     };
     let words: Vec<String> = args.collect();
@@ -46,15 +39,15 @@ fn main() {
         })
         .collect();
     files.sort();
-    say!(
+    println!(
         "| model | print | method | tips | at least | junctions | plate | model | length mm | volume mm³ | far mm | area mm² | unheld | s |"
     );
-    say!("|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
+    println!("|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
     let mut sums = Sums::default();
     for file in &files {
         for process in [Process::Filament, Process::Resin] {
             if let Err(error) = rows(file, process, &mut sums) {
-                say!("| {} | {process:?} | {error} |", file.display());
+                println!("| {} | {process:?} | {error} |", file.display());
             }
         }
     }
@@ -76,7 +69,7 @@ impl Sums {
             let mut ratios = self.ratios[k].clone();
             ratios.sort_by(f64::total_cmp);
             let middle = ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN);
-            say!(
+            println!(
                 "\n{name}: tips {:.0} / {:.0} / {:.0}, volume {:.0} / {:.0} / {:.0} mm³ (straight / baseline / ours): ours {:.1} % less than the baseline in all, {:.1} % by the median model",
                 tips[0],
                 tips[1],
@@ -120,7 +113,7 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
         let volume = volume_mm3(&made, layer_mm);
         let tally = made.forest.tally();
         let (far, area) = percentiles(&seen, &made);
-        say!(
+        println!(
             "| {} | {process:?} | {name} | {} | {} | {} | {} | {} | {:.0} | {volume:.1} | {far:.2} | {area:.2} | {} | {seconds:.2} |",
             file.file_stem().unwrap_or_default().to_string_lossy(),
             tally.tips,
