@@ -59,6 +59,9 @@ pub struct Points {
 /// A tip on the part is chosen where it holds so many times as much as one on the plate.
 const MODEL_PRICE: f64 = 3.0;
 
+/// The same of a tip that is thinner than others, in a corner.
+const THIN_PRICE: f64 = 1.5;
+
 /// Rounds of replacing two tips by one.
 const ROUNDS: u32 = 4;
 
@@ -146,7 +149,8 @@ impl<'a> Field<'a> {
 
     fn price(&self, need: u32) -> Option<f64> {
         let head = self.heads[need as usize].as_ref().ok()?;
-        Some(if head.floor == Floor::Plate { 1.0 } else { MODEL_PRICE })
+        let floor = if head.floor == Floor::Plate { 1.0 } else { MODEL_PRICE };
+        Some(if head.is_whole { floor } else { floor * THIN_PRICE })
     }
 
     /// Worth of holding a need: its area, and something for being there at all.

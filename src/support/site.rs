@@ -63,6 +63,8 @@ pub struct Head {
     pub end_mm: [f64; 3],
     /// Radius there, mm: less than a branch has where there is no more room.
     pub end_radius_mm: f64,
+    /// It is as thick as the rules say, at both ends.
+    pub is_whole: bool,
     /// Where its branch can stand.
     pub floor: Floor,
 }
@@ -118,7 +120,8 @@ impl<'a> Site<'a> {
                     if !self.head_fits(at_mm, end_mm, contact_radius_mm + TIP_CLEARANCE_MM * share, free_mm) {
                         continue;
                     }
-                    let head = Head { contact_mm, contact_radius_mm, end_mm, end_radius_mm, floor };
+                    let is_whole = end_radius_mm >= usual.0 && share == 1.0;
+                    let head = Head { contact_mm, contact_radius_mm, end_mm, end_radius_mm, is_whole, floor };
                     match floor {
                         Floor::Plate if end_mm[2] <= 0.0 || self.reach.way(end_mm, 0.0).is_some() => {
                             return Ok(head);

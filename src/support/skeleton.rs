@@ -66,12 +66,10 @@ impl<'a> Skeleton<'a> {
         (Skeleton { site, knots }, lost)
     }
 
-    /// Whether a branch may leave this knot for another than its own way: a head that stands
-    /// on the plate, or one that is thinner than a branch, may not.
+    /// Whether a branch may leave this knot for another than its own way: one that stands on
+    /// the plate may not.
     pub(super) fn may_join(&self, k: usize) -> bool {
-        let knot = &self.knots[k];
-        let thin = knot.head.is_some_and(|h| h.end_radius_mm < self.site.rules.branch_mm / 2.0 - 1e-9);
-        knot.at_mm[2] > self.site.rules.foot_height_mm && !thin
+        self.knots[k].at_mm[2] > self.site.rules.foot_height_mm
     }
 
     /// Cost of the branch from a knot to a place below, mm³.
