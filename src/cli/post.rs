@@ -53,8 +53,9 @@ pub(super) struct Args {
     /// Grow supports under what would print in the air, and put them into the job
     ///
     /// `auto` needs no model: the job's own beads or images say what must be held. What the
-    /// slicer has supported is held already. Nothing is reordered then.
-    #[arg(long, value_name = "auto", value_parser = ["auto"])]
+    /// slicer has supported is held already, so that only what it forgot is added; `missing`
+    /// is another word for that. Nothing is reordered then.
+    #[arg(long, value_name = "auto", value_parser = ["auto", "missing"])]
     supports: Option<String>,
     /// Write a result in which some places cannot be held; it should not be printed
     #[arg(long, requires = "supports")]
