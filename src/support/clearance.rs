@@ -300,7 +300,9 @@ impl Clearance {
     pub fn is_floor(&self, at: [f64; 3]) -> bool {
         let [x, y] = self.grid.cell([at[0], at[1]]);
         let Some(floor) = self.floor_of([x, y], at[2]) else { return false };
-        [[1, 0], [-1, 0], [0, 1], [0, -1]].into_iter().all(|[dx, dy]| {
+        // A border marks the cells that it runs along: one further in is truly inside.
+        let around = [[1, 0], [-1, 0], [0, 1], [0, -1], [2, 0], [-2, 0], [0, 2], [0, -2]];
+        around.into_iter().all(|[dx, dy]| {
             let near = self.floor_of([x + dx, y + dy], at[2]);
             near.is_some_and(|near| (near - floor).abs() <= self.grid.slab_mm * 1.5)
         })

@@ -2,7 +2,8 @@
 //!
 //! A branch is what a ball sweeps that goes from one end to the other and changes its
 //! radius evenly: a plane cuts it in the hull of the discs in which it cuts the balls.
-//! Above a tip's contact there is nothing, and nothing below the plate.
+//! A foot on the plate is a plain cone. Above a tip's contact there is nothing, and nothing
+//! below the plate.
 use super::section::{Section, Sections};
 use super::tree::{Branch, Forest, Kind};
 use crate::layers::polygon::union_all;
@@ -20,6 +21,8 @@ struct Piece {
     /// Lowest and highest place that it has, mm.
     z_mm: [f64; 2],
     tip: bool,
+    /// It stands on the plate: a plain cone, which no ball of its foot's width would follow.
+    foot: bool,
 }
 
 /// A forest that can be cut.
@@ -48,7 +51,9 @@ impl Cuts {
             let high = node.at_mm[2] + if tip { 0.0 } else { node.radius_mm };
             let high = high.max(down.at_mm[2]);
             let low = (down.at_mm[2] - down.radius_mm).max(forest.ground_mm(down));
-            pieces.push(Piece { branch, z_mm: [low.max(0.0), high], tip });
+            let foot = down.kind == Kind::Plate;
+            let high = if foot { node.at_mm[2] } else { high };
+            pieces.push(Piece { branch, z_mm: [low.max(0.0), high], tip, foot });
         }
         let top_mm = pieces.iter().map(|p| p.z_mm[1]).fold(0.0, f64::max);
         let mut bands = vec![Vec::new(); (top_mm / BAND_MM).floor() as usize + 1];
@@ -74,7 +79,7 @@ impl Sections for Cuts {
             if z < piece.z_mm[0] || z > piece.z_mm[1] {
                 continue;
             }
-            let Some(ring) = cut(&piece.branch, z) else { continue };
+            let Some(ring) = cut(piece, z) else { continue };
             let contact_mm = piece.branch.ends_mm[0][2];
             let near = piece.tip && z > contact_mm - self.interface_mm;
             let to = if near { &mut interface } else { &mut body };
@@ -85,10 +90,12 @@ impl Sections for Cuts {
 }
 
 /// The hull of the discs, counter-clockwise.
-fn cut(branch: &Branch, z: f64) -> Option<Ring> {
+fn cut(piece: &Piece, z: f64) -> Option<Ring> {
+    let branch = &piece.branch;
     let [a, b] = branch.ends_mm;
     let mut points = Vec::new();
-    for k in 0..BALLS {
+    let balls = if piece.foot { 0 } else { BALLS };
+    for k in 0..balls {
         let t = f64::from(k) / f64::from(BALLS - 1);
         disc(branch, a, b, t, z, &mut points);
     }

@@ -177,7 +177,9 @@ impl Forest {
             }
             let radius_mm = self.nodes[k as usize].radius_mm;
             if stands_on == Some(Kind::Plate) && node.kind == Kind::Joint {
-                let spare = room(self.nodes[node.down as usize].at_mm) + rules.clearance_mm / 2.0;
+                // The foot's cone reaches up to where the trunk begins.
+                let around = room(self.nodes[node.down as usize].at_mm).min(room(node.at_mm));
+                let spare = around + rules.clearance_mm / 2.0;
                 let foot = &mut self.nodes[node.down as usize].radius_mm;
                 *foot = (rules.foot_mm / 2.0).min(spare).max(radius_mm);
             }
