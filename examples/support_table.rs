@@ -3,6 +3,9 @@
 //! `cargo run --release --example support_table -- DIR [WORDS]`: every STL of DIR whose name
 //! holds one of the words, as a filament print (0.2 mm layers) and as a resin print (0.05 mm).
 //!
+//! Exits with 1 when a file cannot be done, when ours takes more than 85 % of the baseline's
+//! material in all or more tips, or when an overhang is farther from its tip than the rules say.
+//!
 //! By *straight* (the fewest tips, a column each), *baseline* (tips at a fixed distance,
 //! trees as in "Clever Support"; what paper 000 measures itself against) and *ours*. The
 //! material is the volume of the printed layers: the area of each section times its height.
@@ -17,16 +20,16 @@ use outrigger::support::cut::Cuts;
 use outrigger::support::look::{Look, look};
 use outrigger::support::plan::{Branching, Placing, Plan, plan};
 use outrigger::support::rules::{Process, Rules};
-use outrigger::support::section::Sections;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::time::Instant;
 
-fn main() {
+fn main() -> ExitCode {
     let mut args = std::env::args().skip(1);
     let Some(dir) = args.next() else {
         eprintln!("usage: support_table DIR [WORDS]");
-        return;
+        return ExitCode::from(2);
     };
     let words: Vec<String> = args.collect();
     let mut files: Vec<PathBuf> = std::fs::read_dir(&dir)
@@ -48,10 +51,12 @@ fn main() {
         for process in [Process::Filament, Process::Resin] {
             if let Err(error) = rows(file, process, &mut sums) {
                 println!("| {} | {process:?} | {error} |", file.display());
+                sums.faults += 1;
             }
         }
     }
     sums.print();
+    if sums.holds() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
 #[derive(Default)]
@@ -60,9 +65,20 @@ struct Sums {
     tips: [[f64; 3]; 2],
     volume: [[f64; 3]; 2],
     ratios: [Vec<f64>; 2],
+    /// Files that could not be done, and rows of ours with tips too far.
+    faults: u32,
 }
 
+/// Most material of ours, as a share of the baseline's.
+const MOST: f64 = 0.85;
+
 impl Sums {
+    fn holds(&self) -> bool {
+        let less =
+            |k: usize| self.volume[k][2] <= MOST * self.volume[k][1] && self.tips[k][2] <= self.tips[k][1];
+        self.faults == 0 && (0..2).all(less)
+    }
+
     fn print(&self) {
         for (k, name) in ["filament", "resin"].iter().enumerate() {
             let (tips, volume) = (self.tips[k], self.volume[k]);
@@ -110,7 +126,7 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
         let began = Instant::now();
         let made = plan(&seen.demand, &seen.space, &rules, placing, branching);
         let seconds = looked + began.elapsed().as_secs_f64();
-        let volume = volume_mm3(&made, layer_mm);
+        let volume = Cuts::new(&made.forest, 0.0).volume_in_mm3(layer_mm);
         let tally = made.forest.tally();
         let (far, area) = percentiles(&seen, &made);
         println!(
@@ -122,8 +138,9 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
             tally.trunks_on_plate,
             tally.landings_on_model,
             tally.length_mm,
-            made.unheld.len(),
+            made.points.unheld.len(),
         );
+        sums.faults += u32::from(name == "ours" && far > rules.spacing_mm + 1e-9);
         sums.tips[k][m] += f64::from(tally.tips);
         sums.volume[k][m] += volume;
         volumes[m] = volume;
@@ -134,25 +151,14 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
     Ok(())
 }
 
-/// What is printed, mm³.
-fn volume_mm3(made: &Plan, layer_mm: f64) -> f64 {
-    let cuts = Cuts::new(&made.forest, 0.0);
-    let count = (cuts.top_mm() / layer_mm).ceil() as u32;
-    (0..count)
-        .map(|k| {
-            let bottom = f64::from(k) * layer_mm;
-            let section = cuts.section(bottom, bottom + layer_mm);
-            (section.body.area_mm2() + section.interface.area_mm2()) * layer_mm
-        })
-        .sum()
-}
-
-/// Distance to the nearest tip, and area of a tip, at the 95th percentile by area.
+/// Distance to the nearest tip, and area of a tip, at the 95th percentile by area. Places that
+/// the plan says it cannot hold are counted in their own column.
 fn percentiles(seen: &Look, made: &Plan) -> (f64, f64) {
     let needs = &seen.demand.needs;
     let tips: Vec<[f64; 3]> = made.points.tips.iter().map(|t| needs[t.need as usize].at_mm).collect();
     let mut far: Vec<(f64, f64)> = needs
         .iter()
+        .filter(|n| !made.points.unheld_mm.contains(&n.at_mm))
         .map(|n| {
             let apart = |t: &[f64; 3]| (0..3).map(|k| (t[k] - n.at_mm[k]).powi(2)).sum::<f64>();
             let least = tips.iter().map(apart).fold(f64::INFINITY, f64::min);

@@ -1,24 +1,11 @@
 //! `outrigger check` through the real binary.
 mod common;
 
-use common::{corpus, names, outrigger, outrigger_after};
+use common::made::{Triangle, archive, binary_stl, cuboid, png};
+use common::{corpus, folder_of, names, outrigger, outrigger_after};
 use serde_json::Value;
 use std::fs;
-use std::io::{Cursor, Write};
 use tempfile::TempDir;
-
-type Triangle = [[f32; 3]; 3];
-
-/// A closed box from corner to corner, mm.
-fn cuboid(low: [f32; 3], high: [f32; 3]) -> Vec<Triangle> {
-    let at = |k: usize| {
-        let pick = |axis: usize| if k >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        [pick(0), pick(1), pick(2)]
-    };
-    // Each face counter-clockwise seen from outside; bit 0 is x, 1 y, 2 z.
-    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    faces.iter().flat_map(|&[a, b, c, d]| [[at(a), at(b), at(c)], [at(a), at(c), at(d)]]).collect()
-}
 
 /// A foot, a post, a roof, and a peg of 2 × 2 mm that hangs from the roof down to
 /// Z 5, at X 6 Y 7.
@@ -32,17 +19,6 @@ fn lamp() -> Vec<Triangle> {
     .concat()
 }
 
-fn binary_stl(triangles: &[Triangle]) -> Vec<u8> {
-    let mut bytes = vec![0; 80];
-    bytes.extend((triangles.len() as u32).to_le_bytes());
-    for triangle in triangles {
-        bytes.extend([0; 12]);
-        bytes.extend(triangle.iter().flatten().flat_map(|c| c.to_le_bytes()));
-        bytes.extend([0; 2]);
-    }
-    bytes
-}
-
 fn ascii_stl(triangles: &[Triangle]) -> Vec<u8> {
     let mut text = String::from("solid made by a test\n");
     for triangle in triangles {
@@ -53,13 +29,6 @@ fn ascii_stl(triangles: &[Triangle]) -> Vec<u8> {
         text += "endloop\nendfacet\n";
     }
     (text + "endsolid\n").into_bytes()
-}
-
-/// A folder with one file.
-fn folder(name: &str, bytes: &[u8]) -> TempDir {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    fs::write(folder.path().join(name), bytes).expect("the file is written");
-    folder
 }
 
 /// What `check FILE ARGS --json -` says, and nothing else on standard output.
@@ -79,7 +48,7 @@ fn near(value: &Value, expect: f64, within: f64) {
 #[test]
 fn the_island_of_a_model_is_found_where_it_is() {
     for bytes in [binary_stl(&lamp()), ascii_stl(&lamp())] {
-        let folder = folder("lamp.stl", &bytes);
+        let folder = folder_of("lamp.stl", &bytes);
         let report = json(&folder, &["lamp.stl"]);
         assert_eq!((&report["file"], &report["kind"]), (&"lamp.stl".into(), &"stl".into()));
         assert_eq!((&report["triangles"], &report["layers"]), (&48.into(), &65.into()));
@@ -115,7 +84,7 @@ fn the_island_of_a_model_is_found_where_it_is() {
 
 #[test]
 fn people_are_told_the_same() {
-    let folder = folder("lamp.stl", &binary_stl(&lamp()));
+    let folder = folder_of("lamp.stl", &binary_stl(&lamp()));
     let run = outrigger(folder.path(), ["check", "lamp.stl"]);
     let words = &run.ends(0).stdout;
     assert!(words.contains("lamp.stl: stl, 48 triangles, 65 layers, 13.00 mm high"), "{words}");
@@ -130,7 +99,7 @@ fn people_are_told_the_same() {
 
 #[test]
 fn models_are_turned_and_scaled_and_cut_as_told() {
-    let folder = folder("lamp.stl", &binary_stl(&lamp()));
+    let folder = folder_of("lamp.stl", &binary_stl(&lamp()));
     // Upside down the peg stands on the roof.
     let turned = json(&folder, &["lamp.stl", "--rotate", "180,0,0"]);
     assert_eq!(turned["islands"], Value::Array(vec![]));
@@ -145,7 +114,7 @@ fn models_are_turned_and_scaled_and_cut_as_told() {
 
 #[test]
 fn rules_come_from_the_material_and_the_flags() {
-    let folder = folder("lamp.stl", &binary_stl(&lamp()));
+    let folder = folder_of("lamp.stl", &binary_stl(&lamp()));
     let report =
         json(&folder, &["lamp.stl", "--material", "abs", "--min-area-mm2", "5", "--overhang", "none"]);
     assert_eq!((&report["rules"]["material"], &report["overhangs"]), (&"abs".into(), &Value::Null));
@@ -157,7 +126,7 @@ fn rules_come_from_the_material_and_the_flags() {
 
 #[test]
 fn findings_fail_only_where_asked() {
-    let folder = folder("lamp.stl", &binary_stl(&lamp()));
+    let folder = folder_of("lamp.stl", &binary_stl(&lamp()));
     let check = |args: &[&str], code: i32| {
         outrigger(folder.path(), [&["check", "-q", "lamp.stl"], args].concat()).ends(code).stderr.clone()
     };
@@ -171,7 +140,7 @@ fn findings_fail_only_where_asked() {
 
 #[test]
 fn wrong_usage_is_told_before_anything_is_done() {
-    let folder = folder("lamp.stl", &binary_stl(&lamp()));
+    let folder = folder_of("lamp.stl", &binary_stl(&lamp()));
     let check = |args: &[&str], words: &str| {
         outrigger(folder.path(), [&["check", "lamp.stl"], args].concat()).ends(2).says(words);
     };
@@ -195,7 +164,7 @@ fn wrong_usage_is_told_before_anything_is_done() {
 
 #[test]
 fn pictures_are_written_whole() {
-    let folder = folder("lamp.stl", &binary_stl(&lamp()));
+    let folder = folder_of("lamp.stl", &binary_stl(&lamp()));
     let path = |name: &str| folder.path().join(name);
     fs::write(path("a.svg"), "old").expect("an old picture");
     for name in ["a.svg", "a.png", "a.html"] {
@@ -219,7 +188,7 @@ fn pictures_are_written_whole() {
 
 #[test]
 fn the_number_of_threads_changes_nothing() {
-    let folder = folder("lamp.stl", &binary_stl(&lamp()));
+    let folder = folder_of("lamp.stl", &binary_stl(&lamp()));
     let with = |threads: &str| {
         let before = format!("export RAYON_NUM_THREADS={threads}");
         let run = outrigger_after(folder.path(), &before, &["check", "lamp.stl", "--json", "-"]);
@@ -233,7 +202,7 @@ fn the_number_of_threads_changes_nothing() {
 #[test]
 fn content_tells_what_a_file_is() {
     let job = corpus("ps25-marlin-gapfill.gcode");
-    let as_stl = folder("job.stl", &job);
+    let as_stl = folder_of("job.stl", &job);
     let report = json(&as_stl, &["job.stl"]);
     assert_eq!((&report["kind"], &report["triangles"]), (&"gcode".into(), &Value::Null));
     assert_eq!((&report["layers"], &report["mended"]), (&10.into(), &Value::Null));
@@ -241,17 +210,17 @@ fn content_tells_what_a_file_is() {
         .ends(2)
         .says("has its own layers");
     outrigger(as_stl.path(), ["check", "job.stl", "--overhang", "normal"]).ends(2).says("is for models");
-    let binary = folder("job.txt", &corpus("ps25-marlin-gapfill.bgcode"));
+    let binary = folder_of("job.txt", &corpus("ps25-marlin-gapfill.bgcode"));
     let of_binary = json(&binary, &["job.txt"]);
     assert_eq!((&of_binary["kind"], &of_binary["layers"]), (&"bgcode".into(), &10.into()));
-    let model = folder("model.gcode", &binary_stl(&lamp()));
+    let model = folder_of("model.gcode", &binary_stl(&lamp()));
     assert_eq!(json(&model, &["model.gcode"])["kind"], "stl");
 }
 
 #[test]
 fn what_is_no_job_is_told_so() {
     let check = |bytes: &[u8], words: &str| {
-        let folder = folder("file.stl", bytes);
+        let folder = folder_of("file.stl", bytes);
         outrigger(folder.path(), ["check", "file.stl"]).ends(1).says(words);
     };
     check(b"", "empty");
@@ -267,7 +236,7 @@ fn what_is_no_job_is_told_so() {
     let text = ascii_stl(&lamp());
     check(&text[..text.len() - 40], "line");
     check(b"PK\x03\x04 and then nothing", "archive");
-    let folder = folder("letter.txt", b"Dear reader,\nthis is no job.\n");
+    let folder = folder_of("letter.txt", b"Dear reader,\nthis is no job.\n");
     outrigger(folder.path(), ["check", "letter.txt"]).ends(1).says("neither STL nor G-code");
     outrigger(folder.path(), ["check", "none.stl"]).ends(1).says("cannot open none.stl");
     outrigger(folder.path(), ["check", "."]).ends(1).says("no regular file");
@@ -277,7 +246,7 @@ fn what_is_no_job_is_told_so() {
 #[test]
 fn damaged_models_are_mended_and_the_island_is_still_there() {
     let check = |triangles: &[Triangle], mended: &str| {
-        let folder = folder("lamp.stl", &binary_stl(triangles));
+        let folder = folder_of("lamp.stl", &binary_stl(triangles));
         let report = json(&folder, &["lamp.stl"]);
         assert_eq!(report["islands"].as_array().map(Vec::len), Some(1), "{mended}: {report}");
         near(&report["islands"][0]["area_mm2"], 4.0, 0.01);
@@ -308,7 +277,7 @@ fn damaged_models_are_mended_and_the_island_is_still_there() {
 #[test]
 fn a_likely_unit_is_a_warning() {
     let small: Vec<Triangle> = lamp().iter().map(|t| t.map(|p| p.map(|c| c / 1000.0))).collect();
-    let folder = folder("lamp.stl", &binary_stl(&small));
+    let folder = folder_of("lamp.stl", &binary_stl(&small));
     let report = json(&folder, &["lamp.stl", "--layer-height", "0.002"]);
     let warning = report["warnings"][0].as_str().expect("a warning");
     assert!(warning.contains("metres") && warning.contains("--height-mm 13"), "{warning}");
@@ -322,47 +291,27 @@ fn a_likely_unit_is_a_warning() {
 #[test]
 fn many_duplicates_cost_little() {
     let many: Vec<Triangle> = lamp().into_iter().cycle().take(100_000).collect();
-    let folder = folder("lamp.stl", &binary_stl(&many));
+    let folder = folder_of("lamp.stl", &binary_stl(&many));
     let run =
         outrigger_after(folder.path(), "ulimit -v 1000000", &["check", "-q", "lamp.stl", "--json", "-"]);
     let report: Value = serde_json::from_str(&run.ends(0).stdout).expect("JSON");
     assert_eq!((&report["triangles"], &report["islands"][0]["layer"]), (&48.into(), &25.into()));
 }
 
-/// A zip of these entries.
-fn archive(entries: &[(&str, &[u8])]) -> Vec<u8> {
-    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, bytes) in entries {
-        zip.start_file(*name, zip::write::SimpleFileOptions::default()).expect("an entry");
-        zip.write_all(bytes).expect("its bytes");
-    }
-    zip.finish().expect("an archive").into_inner()
-}
-
 const CONFIG: &[u8] = b"jobDir = a\nlayerHeight = 0.05\nexpTime = 5\nexpTimeFirst = 30\nnumFade = 2\nnumFast = 4\nnumSlow = 0\n";
 /// The archive says the layer height and the printer's pixels.
 const SETTINGS: &[u8] = b"display_width = 8\ndisplay_height = 4\ndisplay_pixels_x = 80\ndisplay_pixels_y = 40\ndisplay_orientation = landscape\ndisplay_mirror_x = 0\ndisplay_mirror_y = 0\n";
-
-/// A picture of 80 × 40 pixels with bright rectangles `[left, top, right, bottom]`.
-fn png(bright: &[[usize; 4]]) -> Vec<u8> {
-    let mut pixels = vec![0_u8; 80 * 40];
-    for &[left, top, right, bottom] in bright {
-        for y in top..bottom {
-            pixels[y * 80 + left..y * 80 + right].fill(255);
-        }
-    }
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 80, 40);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.write_header().and_then(|mut w| w.write_image_data(&pixels)).expect("a picture");
-    bytes
-}
 
 #[test]
 fn the_island_of_a_resin_job_is_found() {
     let body = [10, 10, 40, 30];
     let island = [60, 10, 64, 15];
-    let pictures = [png(&[body]), png(&[body]), png(&[body, island]), png(&[[10, 10, 64, 30]])];
+    let pictures = [
+        png([80, 40], &[body]),
+        png([80, 40], &[body]),
+        png([80, 40], &[body, island]),
+        png([80, 40], &[[10, 10, 64, 30]]),
+    ];
     let job = archive(&[
         ("config.ini", CONFIG),
         ("prusaslicer.ini", SETTINGS),
@@ -371,7 +320,7 @@ fn the_island_of_a_resin_job_is_found() {
         ("a00002.png", &pictures[2]),
         ("a00003.png", &pictures[3]),
     ]);
-    let folder = folder("job.sl1", &job);
+    let folder = folder_of("job.sl1", &job);
     let report = json(&folder, &["job.sl1"]);
     assert_eq!((&report["kind"], &report["layers"]), (&"sl1".into(), &4.into()));
     assert_eq!(report["rules"]["material"], "resin-standard");
@@ -386,10 +335,10 @@ fn the_island_of_a_resin_job_is_found() {
 #[test]
 fn archives_that_lie_end_before_memory_is_spent() {
     let check = |entries: &[(&str, &[u8])], words: &str| {
-        let folder = folder("job.sl1", &archive(entries));
+        let folder = folder_of("job.sl1", &archive(entries));
         outrigger_after(folder.path(), "ulimit -v 1000000", &["check", "job.sl1"]).ends(1).says(words);
     };
-    let mut huge = png(&[]);
+    let mut huge = png([80, 40], &[]);
     huge[16..24].copy_from_slice(&[0, 1, 0x86, 0xa0, 0, 1, 0x86, 0xa0]); // 100,000 × 100,000
     let crc = crc32(&huge[12..29]);
     huge[29..33].copy_from_slice(&crc.to_be_bytes());
@@ -425,7 +374,7 @@ fn every_island_that_was_built_in_is_found_and_none_is_invented() {
         .expect("JSON");
         let built = built["islands"].as_array().cloned().unwrap_or_default();
         let folder =
-            folder("model.stl", &fs::read(models.join(name).with_extension("stl")).expect("a model"));
+            folder_of("model.stl", &fs::read(models.join(name).with_extension("stl")).expect("a model"));
         let args = ["model.stl", "--layer-height", "0.1", "--overhang", "none", "--min-area-mm2", "0"];
         let report = json(&folder, &args);
         let mut found = report["islands"].as_array().cloned().expect("a list");

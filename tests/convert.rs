@@ -4,51 +4,37 @@
 //! every format, and must give the same findings.
 mod common;
 
-use common::{folder_with, names, outrigger, outrigger_after};
+use common::made::{archive, png};
+use common::{folder_of, folder_with, names, outrigger, outrigger_after};
 use outrigger::resin;
 use serde_json::Value;
 use std::fs;
-use std::io::{Cursor, Write};
+use std::io::Cursor;
 use std::path::Path;
 
 const CONFIG: &str = "jobDir = a\nlayerHeight = 0.05\nexpTime = 5\nexpTimeFirst = 30\nnumFade = 2\nnumFast = 4\nnumSlow = 0\nprinterModel = SL1\n";
 const SETTINGS: &str = "display_width = 8\ndisplay_height = 4\ndisplay_pixels_x = 80\ndisplay_pixels_y = 40\ndisplay_orientation = landscape\ndisplay_mirror_x = 1\ndisplay_mirror_y = 0\n";
 
-/// A picture of 80 × 40 px with bright rectangles `[left, top, right, bottom]`.
-fn png(bright: &[[usize; 4]]) -> Vec<u8> {
-    let mut pixels = vec![0_u8; 80 * 40];
-    for &[left, top, right, bottom] in bright {
-        for y in top..bottom {
-            pixels[y * 80 + left..y * 80 + right].fill(255);
-        }
-    }
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 80, 40);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.write_header().and_then(|mut w| w.write_image_data(&pixels)).expect("a picture");
-    bytes
-}
-
 /// An SL1 job with a body and an island of 4 × 5 px in layer 2.
 fn sl1() -> Vec<u8> {
     let (body, island) = ([10, 10, 40, 30], [60, 10, 64, 15]);
-    let pictures = [png(&[body]), png(&[body]), png(&[body, island]), png(&[[10, 10, 64, 30]])];
-    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    let mut put = |name: &str, bytes: &[u8]| {
-        zip.start_file(name, zip::write::SimpleFileOptions::default()).expect("an entry");
-        zip.write_all(bytes).expect("its bytes");
-    };
-    put("config.ini", CONFIG.as_bytes());
-    put("prusaslicer.ini", SETTINGS.as_bytes());
-    put("of another program", b"?");
-    pictures.iter().enumerate().for_each(|(n, picture)| put(&format!("a{n:05}.png"), picture));
-    zip.finish().expect("an archive").into_inner()
+    let pictures = [
+        png([80, 40], &[body]),
+        png([80, 40], &[body]),
+        png([80, 40], &[body, island]),
+        png([80, 40], &[[10, 10, 64, 30]]),
+    ];
+    let mut entries = vec![
+        ("config.ini".to_owned(), CONFIG.as_bytes().to_vec()),
+        ("prusaslicer.ini".to_owned(), SETTINGS.as_bytes().to_vec()),
+        ("of another program".to_owned(), b"?".to_vec()),
+    ];
+    entries.extend(pictures.into_iter().enumerate().map(|(n, picture)| (format!("a{n:05}.png"), picture)));
+    archive(&entries)
 }
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    fs::write(folder.path().join("job.sl1"), sl1()).expect("the job");
-    folder
+    folder_of("job.sl1", &sl1())
 }
 
 fn json(folder: &Path, args: &[&str]) -> Value {

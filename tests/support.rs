@@ -4,31 +4,16 @@
 //! here.
 mod common;
 
-use common::{names, outrigger};
+use common::made::{archive, binary_stl, cuboid, png};
+use common::{folder_of, names, outrigger};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs;
-use std::io::{Cursor, Read, Write};
+use std::io::{Cursor, Read};
 use std::path::Path;
 
-/// A closed box from corner to corner, mm, as triangles of a binary STL.
-fn cuboid(low: [f32; 3], high: [f32; 3], file: &mut Vec<u8>) {
-    let at = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { low[axis] } else { high[axis] });
-    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    for [a, b, c, d] in faces {
-        for t in [[a, b, c], [a, c, d]] {
-            file.extend([0; 12]);
-            file.extend(t.into_iter().flat_map(at).flat_map(f32::to_le_bytes));
-            file.extend([0; 2]);
-        }
-    }
-}
-
 fn stl(boxes: &[[[f32; 3]; 2]]) -> Vec<u8> {
-    let mut file = vec![0; 80];
-    file.extend((12 * boxes.len() as u32).to_le_bytes());
-    boxes.iter().for_each(|[low, high]| cuboid(*low, *high, &mut file));
-    file
+    binary_stl(&boxes.iter().flat_map(|[low, high]| cuboid(*low, *high)).collect::<Vec<_>>())
 }
 
 /// A post with a roof, and a peg of 2 × 2 mm that hangs from it down to Z 5, at X 6 Y 7.
@@ -38,13 +23,6 @@ fn lamp() -> Vec<u8> {
         [[-10.0, -10.0, 11.0], [10.0, 10.0, 13.0]],
         [[5.0, 6.0, 5.0], [7.0, 8.0, 12.0]],
     ])
-}
-
-/// A folder with one file.
-fn folder_with(name: &str, bytes: &[u8]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    fs::write(folder.path().join(name), bytes).expect("the file is written");
-    folder
 }
 
 #[track_caller]
@@ -59,7 +37,7 @@ fn count(value: &Value) -> usize {
 
 #[test]
 fn a_models_supports_hold_it() {
-    let folder = folder_with("lamp.stl", &lamp());
+    let folder = folder_of("lamp.stl", &lamp());
     let before = json(folder.path(), &["check", "lamp.stl", "--json", "-"]);
     assert_eq!(count(&before["islands"]), 1);
     for material in ["pla", "resin-standard"] {
@@ -92,7 +70,7 @@ fn a_models_supports_hold_it() {
 
 #[test]
 fn a_page_shows_model_and_supports() {
-    let folder = folder_with("lamp.stl", &lamp());
+    let folder = folder_of("lamp.stl", &lamp());
     outrigger(folder.path(), ["support", "lamp.stl", "--picture", "p.html", "-q"]).ends(0);
     let page = fs::read_to_string(folder.path().join("p.html")).expect("the page");
     assert!(page.contains("lamp.stl") && page.ends_with("</html>\n"), "{}", &page[..200]);
@@ -110,7 +88,7 @@ fn what_cannot_be_held_is_told_and_not_written() {
         [[0.0, 19.0, 0.0], [20.0, 20.0, 12.0]],
         [[8.0, 8.0, 6.0], [12.0, 19.5, 7.0]],
     ];
-    let folder = folder_with("box.stl", &stl(&boxes));
+    let folder = folder_of("box.stl", &stl(&boxes));
     let plate = ["support", "box.stl", "-o", "out.stl", "--trunks", "plate"];
     let run = outrigger(folder.path(), plate);
     run.ends(1).says("cannot be held").says("--allow-unroutable");
@@ -122,7 +100,7 @@ fn what_cannot_be_held_is_told_and_not_written() {
     // On the part it can be held.
     outrigger(folder.path(), ["support", "box.stl", "-o", "out.stl", "-q"]).ends(0);
     // Nothing to hold is no failure.
-    let folder = folder_with("cube.stl", &stl(&[[[0.0; 3], [9.0; 3]]]));
+    let folder = folder_of("cube.stl", &stl(&[[[0.0; 3], [9.0; 3]]]));
     outrigger(folder.path(), ["support", "cube.stl", "-o", "out.stl"]).ends(0).says("nothing needs support");
     assert_eq!(names(folder.path()), ["cube.stl"]);
     outrigger(folder.path(), ["support", "cube.stl", "-o", "cube.stl"]).ends(2).says("name another file");
@@ -168,7 +146,7 @@ fn lamp_at(z: f64) -> Vec<[f64; 4]> {
 #[test]
 fn sliced_jobs_get_what_holds_them() {
     let job = gcode(65, lamp_at);
-    let folder = folder_with("job.gcode", job.as_bytes());
+    let folder = folder_of("job.gcode", job.as_bytes());
     let check = |file: &str| json(folder.path(), &["check", file, "--json", "-"]);
     assert_eq!(count(&check("job.gcode")["islands"]), 1);
     let args = ["post", "job.gcode", "--supports", "auto", "-o", "out.gcode", "--report", "-"];
@@ -193,7 +171,7 @@ fn sliced_jobs_get_what_holds_them() {
 #[test]
 fn a_job_that_no_supports_can_go_into_stays() {
     let spiral = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("gcode/corpus/ps25-marlin-vase.gcode"));
-    let folder = folder_with("vase.gcode", &spiral.expect("the corpus"));
+    let folder = folder_of("vase.gcode", &spiral.expect("the corpus"));
     let before = fs::read(folder.path().join("vase.gcode")).expect("the job");
     let run = outrigger(folder.path(), ["post", "vase.gcode", "--supports", "auto"]);
     run.ends(0).says("left as it was");
@@ -207,29 +185,16 @@ const SETTINGS: &str = "display_width = 24\ndisplay_height = 24\ndisplay_pixels_
 
 /// An SL1 job of 240 × 240 px of 0.1 mm by rectangles of pixels at each layer.
 fn sl1(layers: usize, at: impl Fn(usize) -> Vec<[usize; 4]>) -> Vec<u8> {
-    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    let mut put = |name: &str, bytes: &[u8]| {
-        zip.start_file(name, zip::write::SimpleFileOptions::default()).expect("an entry");
-        zip.write_all(bytes).expect("its bytes");
-    };
     let config = format!(
         "jobDir = a\nlayerHeight = 0.1\nexpTime = 5\nexpTimeFirst = 30\nnumFade = 2\nnumFast = {layers}\nnumSlow = 0\nprinterModel = SL1\n"
     );
-    put("config.ini", config.as_bytes());
-    put("prusaslicer.ini", SETTINGS.as_bytes());
-    put("of another program", b"?");
-    for layer in 0..layers {
-        let mut pixels = vec![0_u8; 240 * 240];
-        for [left, top, right, bottom] in at(layer) {
-            (top..bottom).for_each(|y| pixels[y * 240 + left..y * 240 + right].fill(255));
-        }
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, 240, 240);
-        encoder.set_color(png::ColorType::Grayscale);
-        encoder.write_header().and_then(|mut w| w.write_image_data(&pixels)).expect("a picture");
-        put(&format!("a{layer:05}.png"), &bytes);
-    }
-    zip.finish().expect("an archive").into_inner()
+    let mut entries = vec![
+        ("config.ini".to_owned(), config.into_bytes()),
+        ("prusaslicer.ini".to_owned(), SETTINGS.as_bytes().to_vec()),
+        ("of another program".to_owned(), b"?".to_vec()),
+    ];
+    entries.extend((0..layers).map(|n| (format!("a{n:05}.png"), png([240, 240], &at(n)))));
+    archive(&entries)
 }
 
 #[test]
@@ -239,7 +204,7 @@ fn resin_jobs_get_what_holds_them() {
         40..70 => vec![[100, 100, 140, 140], [180, 150, 190, 160]],
         _ => vec![[100, 100, 200, 170]],
     };
-    let folder = folder_with("job.sl1", &sl1(90, at));
+    let folder = folder_of("job.sl1", &sl1(90, at));
     let check = |file: &str| json(folder.path(), &["check", file, "--json", "-"]);
     assert_eq!(count(&check("job.sl1")["islands"]), 1);
     let args = ["post", "job.sl1", "--supports", "auto", "-o", "out.sl1", "--report", "-"];

@@ -2,9 +2,8 @@
 //!
 //! The file's content says what it is, never its name. What was found is told as a
 //! table, as JSON and as pictures; findings are no failure unless `--fail-on` says so.
-pub(super) mod flags;
+mod flags;
 mod kind;
-pub(super) mod material;
 mod output;
 mod source;
 mod watch;
@@ -12,6 +11,7 @@ mod words;
 
 use super::files;
 use super::interrupt::clean_up_on_signal;
+use super::model::{Model, positive};
 use crate::report::check::Report;
 use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use std::ffi::OsStr;
@@ -58,9 +58,9 @@ pub(super) struct Args {
     #[arg(short, long)]
     quiet: bool,
     #[command(flatten, next_help_heading = "Models (.stl)")]
-    model: flags::Model,
+    model: Model,
     /// Diameter of the filament, for G-code that does not tell it
-    #[arg(long, value_name = "MM", value_parser = flags::positive, help_heading = "G-code")]
+    #[arg(long, value_name = "MM", value_parser = positive, help_heading = "G-code")]
     filament_mm: Option<f64>,
     #[command(flatten, next_help_heading = "What holds itself")]
     rules: flags::Rules,

@@ -16,14 +16,16 @@ use crate::post::time::Accelerations;
 use crate::post::{Failure, Options, post};
 use crate::profile::load_printer;
 use clap::Args as ClapArgs;
+use serde::Serialize;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Reorder the infill of a sliced job so that the head lifts least; convert a resin job
+/// Reorder the infill of a sliced job, put supports into a job, convert a resin job
 ///
-/// Edits FILE in place, as a slicer's post-processing script, or writes to OUT.
+/// Edits FILE in place, as a slicer's post-processing script, or writes to OUT. Without
+/// --supports the infill is put into the order in which the head lifts least.
 /// The result is read again and must print the same; otherwise, and whenever
 /// anything else is in doubt, FILE stays byte for byte as it was.
 ///
@@ -145,14 +147,19 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let reported = args.report.as_ref().map_or(Ok(()), |to| write_report(&done.report, to));
     let drawn = args.picture.as_ref().map_or(Ok(()), |to| picture(args, &done, to));
-    for error in [reported, drawn].into_iter().filter_map(Result::err) {
-        if args.output.is_some() {
-            return Err(error);
-        }
-        // The job is whole; the export must not fail for want of a report or a picture.
-        eprintln!("outrigger: {error:#}");
-    }
+    forgive(args, reported)?;
+    forgive(args, drawn)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// In place the job is whole, or as it was, and the export must not fail for want of a report
+/// or a picture.
+fn forgive(args: &Args, done: anyhow::Result<()>) -> anyhow::Result<()> {
+    match done {
+        Err(error) if args.output.is_none() => eprintln!("outrigger: {error:#}"),
+        done => done?,
+    }
+    Ok(())
 }
 
 /// Post-processes the file: all of the verb but its words.
@@ -220,11 +227,11 @@ fn accelerations(profile: Option<&str>) -> anyhow::Result<Accelerations> {
     Ok(Accelerations { print_mm_s2: motion.print_mm_s2.0, travel_mm_s2: motion.travel_mm_s2.0 })
 }
 
-/// The report as JSON; "-" is standard output.
+/// A report as JSON; "-" is standard output.
 ///
 /// # Errors
 /// The file cannot be written.
-pub(super) fn write_report(report: &Report, to: &Path) -> anyhow::Result<()> {
+pub(super) fn write_report(report: &impl Serialize, to: &Path) -> anyhow::Result<()> {
     let mut json = serde_json::to_string_pretty(report)?;
     json.push('\n');
     files::write_text(&json, to, "report")

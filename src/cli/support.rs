@@ -4,9 +4,10 @@
 //! hold; anything else is not written.
 mod flags;
 
-use super::check::flags::{Model, not_negative, positive, slope};
 use super::files;
 use super::interrupt::clean_up_on_signal;
+use super::material::{Printed, printed};
+use super::model::{Model, not_negative, positive, slope};
 use super::progress;
 use crate::detect::overhang::SelfSupport;
 use crate::detect::walk::{Seen, Watch};
@@ -15,8 +16,6 @@ use crate::layers::shape::{Bounds, Point};
 use crate::merge::into_mesh::triangles;
 use crate::merge::together::Together;
 use crate::mesh::{self, Mesh, place, stl};
-use crate::profile::load_material;
-use crate::profile::material::MaterialKind;
 use crate::report::support::Report;
 use crate::report::turn;
 use crate::support::cut::Cuts;
@@ -24,12 +23,10 @@ use crate::support::look::{Look, look};
 use crate::support::plan::{Branching, Placing, Plan, plan};
 use crate::support::proof::{Proof, prove};
 use crate::support::rules::{Process, Rules};
-use crate::support::section::Sections;
 use anyhow::{Context, ensure};
 use clap::Args as ClapArgs;
 use flags::Method;
 use indicatif::ProgressBar;
-use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::io::{BufReader, Cursor};
 use std::path::{Path, PathBuf};
@@ -139,7 +136,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let planning = Instant::now();
     let made = plan(&seen.demand, &seen.space, &task.rules, Placing::Cover, args.wishes.method.branching());
     report.put(&made, PI / 4.0 * task.rules.tip_mm * task.rules.tip_mm);
-    report.volume_mm3 = volume_mm3(&made, &task.heights);
+    report.volume_mm3 = Cuts::new(&made.forest, 0.0).volume_in_mm3(task.heights.layer_mm);
     report.seconds.plan = planning.elapsed().as_secs_f64();
     let file = as_file(&made)?;
     let proving = Instant::now();
@@ -169,18 +166,14 @@ fn is_same(a: &Path, b: &Path) -> bool {
 
 /// Reads the model and puts it on the plate or above it.
 fn read(args: &Args, report: &mut Report) -> anyhow::Result<Task> {
-    let material = load_material(&args.material)?;
-    let process = match material.kind {
-        MaterialKind::Filament(_) => Process::Filament,
-        MaterialKind::Resin => Process::Resin,
-    };
+    let Printed { own, process, kind } = printed(&args.material)?;
     let usual_mm = if process == Process::Filament { 0.2 } else { 0.05 };
     let layer_mm = args.model.layer_height.unwrap_or(usual_mm);
     let heights = LayerHeights { layer_mm, first_mm: args.model.first_layer_height.unwrap_or(layer_mm) };
     let own = SelfSupport {
-        angle_deg: args.angle_deg.unwrap_or(material.self_support.angle_deg),
-        bridge_mm: args.bridge_mm.unwrap_or(material.self_support.bridge_mm),
-        min_area_mm2: material.self_support.min_area_mm2,
+        angle_deg: args.angle_deg.unwrap_or(own.angle_deg),
+        bridge_mm: args.bridge_mm.unwrap_or(own.bridge_mm),
+        ..own
     };
     let rules = args.wishes.rules(process, layer_mm);
     let mut input = BufReader::with_capacity(BUFFER_BYTES, files::open_regular(&args.file)?);
@@ -192,7 +185,7 @@ fn read(args: &Args, report: &mut Report) -> anyhow::Result<Task> {
     *report = Report {
         file: files::display_name(&args.file),
         method: args.wishes.method.word(),
-        process: material.kind.word(),
+        process: kind,
         material: args.material.clone(),
         layer_mm,
         warnings: read.warnings(),
@@ -219,18 +212,6 @@ fn see(args: &Args, task: &Task, report: &mut Report) -> anyhow::Result<Look> {
     }
     report.seconds.look = began.elapsed().as_secs_f64();
     Ok(seen)
-}
-
-/// What is printed, mm³.
-fn volume_mm3(made: &Plan, heights: &LayerHeights) -> f64 {
-    let cuts = Cuts::new(&made.forest, 0.0);
-    let count = (cuts.top_mm() / heights.layer_mm).ceil() as u32;
-    let layer = |k: u32| {
-        let bottom = f64::from(k) * heights.layer_mm;
-        let section = cuts.section(bottom, bottom + heights.layer_mm);
-        (section.body.area_mm2() + section.interface.area_mm2()) * heights.layer_mm
-    };
-    (0..count).into_par_iter().map(layer).collect::<Vec<f64>>().iter().sum()
 }
 
 fn as_file(made: &Plan) -> anyhow::Result<Vec<u8>> {
@@ -281,9 +262,11 @@ fn draw(args: &Args, task: &Task, seen: &Look, made: &Plan, report: &Report) -> 
             fields.remove(known);
         }
     }
-    let method = turn::Method { name: report.method, forest: &made.forest, unheld: &made.unheld, figures };
+    let method =
+        turn::Method { name: report.method, forest: &made.forest, unheld: &made.points.unheld, figures };
+    let title = args.file.file_name().unwrap_or_default().to_string_lossy();
     let scene = turn::Scene {
-        title: &report.file,
+        title: &title,
         vertices: &task.mesh.vertices,
         triangles: &task.mesh.triangles,
         needs: &seen.demand.needs,

@@ -5,6 +5,7 @@
 //!
 //! # Layout
 //! - [`shape`]: points on a grid, polygons with holes, their measures
+//! - [`scan`]: parallel lines through rings
 //! - [`tidy`]: rings rid of points that say nothing
 //! - `tangle`: whether edges cross so often that a boolean would not end
 //! - [`outline`]: what a round nozzle sweeps
@@ -18,6 +19,7 @@ pub mod from_mesh;
 pub mod nest;
 pub mod outline;
 pub mod polygon;
+pub mod scan;
 pub mod shape;
 pub mod stack;
 mod tangle;

@@ -4,7 +4,8 @@
 //! plate; draws each layer's section into its picture. A pixel's brightness is the share of
 //! it that the section covers, or what it was where that is more: what the slicer drew stays
 //! as it is. Knows no format.
-use crate::layers::shape::{Point, Region, ring_edges};
+use crate::layers::scan::spans;
+use crate::layers::shape::{Point, Region};
 use crate::resin::image::Image;
 use crate::resin::job::{JobLayer, Placement};
 use crate::resin::rewrite::{Edit, Edits};
@@ -52,8 +53,6 @@ impl<S: Sections> Edits for Drawn<'_, S> {
 /// Draws a region; `false`: no pixel became brighter.
 fn draw(region: &Region, placement: Placement, image: &mut Image) -> bool {
     let (wide, high) = (image.width_px as usize, image.height_px as usize);
-    // Where a line of a row runs into the region and out of it, in pixels from the left.
-    let mut crossings: Vec<(u32, f64)> = Vec::new();
     let place = |p: Point| {
         let [x, y] = p.mm();
         let [a, b] = if placement.swap { [y, x] } else { [x, y] };
@@ -62,34 +61,20 @@ fn draw(region: &Region, placement: Placement, image: &mut Image) -> bool {
         [reversed(u, placement.reverse_u, wide), reversed(v, placement.reverse_v, high)]
     };
     let lines = f64::from(LINES);
-    for ring in region.rings() {
-        for [a, b] in ring_edges(ring) {
-            let (a, b) = (place(a), place(b));
-            let (low, top) = if a[1] < b[1] { (a, b) } else { (b, a) };
-            let first = (low[1] * lines - 0.5).ceil().clamp(0.0, high as f64 * lines) as u32;
-            let end = (top[1] * lines - 0.5).ceil().clamp(0.0, high as f64 * lines) as u32;
-            for line in first..end {
-                let t = ((f64::from(line) + 0.5) / lines - low[1]) / (top[1] - low[1]);
-                crossings.push((line, low[0] + (top[0] - low[0]) * t));
-            }
-        }
-    }
-    crossings.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let offsets: Vec<f64> = (0..high as u32 * LINES).map(|line| (f64::from(line) + 0.5) / lines).collect();
+    let crossed = spans(region.rings(), place, &offsets);
     let mut covered = vec![0.0_f32; wide];
     let mut changed = false;
-    for row in crossings.chunk_by(|a, b| a.0 / LINES == b.0 / LINES) {
-        let number = (row[0].0 / LINES) as usize;
+    for (number, row) in crossed.chunks(LINES as usize).enumerate() {
         let (mut from, mut to) = (wide, 0);
-        for line in row.chunk_by(|a, b| a.0 == b.0) {
-            for span in line.chunks_exact(2) {
-                let [left, right] = [span[0].1, span[1].1].map(|u| u.clamp(0.0, wide as f64));
-                let [first, last] = [left.floor() as usize, (right.ceil() as usize).min(wide)];
-                for (px, covered) in covered.iter_mut().enumerate().take(last).skip(first) {
-                    let share = (right.min(px as f64 + 1.0) - left.max(px as f64)).max(0.0);
-                    *covered += (share / lines) as f32;
-                }
-                (from, to) = (from.min(first), to.max(last));
+        for piece in row.iter().flatten() {
+            let [left, right] = piece.map(|u| u.clamp(0.0, wide as f64));
+            let [first, last] = [left.floor() as usize, (right.ceil() as usize).min(wide)];
+            for (px, covered) in covered.iter_mut().enumerate().take(last).skip(first) {
+                let share = (right.min(px as f64 + 1.0) - left.max(px as f64)).max(0.0);
+                *covered += (share / lines) as f32;
             }
+            (from, to) = (from.min(first), to.max(last));
         }
         let pixels = &mut image.pixels[number * wide..(number + 1) * wide];
         for px in from..to {

@@ -19,7 +19,7 @@ mod sample;
 mod shells;
 pub mod stl;
 mod twins;
-mod vector;
+pub(crate) mod vector;
 
 use index::Index;
 use report::Report;

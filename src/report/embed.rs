@@ -73,6 +73,21 @@ pub(super) mod testing {
         page[from..].split("</script>").next().expect("its end")
     }
 
+    /// A page is whole and needs nothing from outside: no mark is left in it, and as many scripts
+    /// as were put in, besides so many elements of data.
+    #[track_caller]
+    pub(in crate::report) fn is_whole_and_alone(page: &str, marks: &[&str], data: usize, scripts: usize) {
+        for mark in marks {
+            assert!(!page.contains(mark), "{mark}");
+        }
+        for outside in ["http:", "https:", "src=", "href=", "@import", "url("] {
+            assert!(!page.contains(outside), "{outside}");
+        }
+        assert_eq!(page.matches("<script").count(), data + scripts);
+        assert_eq!(page.matches("</script>").count(), data + scripts);
+        assert!(page.trim_end().ends_with("</html>"));
+    }
+
     /// The bytes of a base64 text, inflated.
     pub(in crate::report) fn unpacked(text: &str) -> Vec<u8> {
         let bytes: Vec<u8> = text.bytes().filter(|&b| b != b'=').collect();

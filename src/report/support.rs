@@ -88,8 +88,8 @@ impl Report {
         (self.trunks_on_plate, self.landings_on_model) = (tally.trunks_on_plate, tally.landings_on_model);
         (self.length_mm, self.tips_at_least) = (tally.length_mm, plan.points.at_least);
         let counts = |u: &&Unheld| u.island || u.area_mm2 >= least_mm2;
-        self.unroutable = plan.unheld.iter().filter(counts).map(Place::from).collect();
-        let small: Vec<f64> = plan.unheld.iter().filter(|u| !counts(u)).map(|u| u.area_mm2).collect();
+        self.unroutable = plan.points.unheld.iter().filter(counts).map(Place::from).collect();
+        let small: Vec<f64> = plan.points.unheld.iter().filter(|u| !counts(u)).map(|u| u.area_mm2).collect();
         self.negligible = (small.len(), small.iter().sum());
     }
 

@@ -37,9 +37,10 @@ const WORDS_MAX: usize = 1 << 15;
 const PAGE: &str = include_str!("../../web/viewer/turn.html");
 const STYLES: [&str; 2] =
     [include_str!("../../web/viewer/page.css"), include_str!("../../web/viewer/turn.css")];
-const SCRIPTS: [&str; 6] = [
+const SCRIPTS: [&str; 7] = [
     include_str!("../../web/viewer/decode.js"),
     include_str!("../../web/viewer/words.js"),
+    include_str!("../../web/viewer/page.js"),
     include_str!("../../web/viewer/scene.js"),
     include_str!("../../web/viewer/camera.js"),
     include_str!("../../web/viewer/paint.js"),

@@ -8,6 +8,7 @@ use super::section::{Section, Sections};
 use super::tree::{Branch, Forest, Kind};
 use crate::layers::polygon::union_all;
 use crate::layers::shape::{Point, Polygon, Region, Ring};
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Balls that stand for a branch, and corners of a disc.
@@ -63,6 +64,29 @@ impl Cuts {
             bands[low.min(last)..=last].iter_mut().for_each(|band| band.push(k as u32));
         }
         Cuts { pieces, bands, interface_mm, top_mm }
+    }
+}
+
+impl Cuts {
+    /// What is printed of it in layers between these heights, mm³: the area of each section
+    /// times its height.
+    #[must_use]
+    pub fn volume_mm3(&self, layers_mm: &[[f64; 2]]) -> f64 {
+        let layer = |[bottom, top]: &[f64; 2]| {
+            let section = self.section(*bottom, *top);
+            (section.body.area_mm2() + section.interface.area_mm2()) * (top - bottom)
+        };
+        // Summed in order, so that it is the same on any number of threads.
+        layers_mm.par_iter().map(layer).collect::<Vec<f64>>().iter().sum()
+    }
+
+    /// The same in layers of one height, mm.
+    #[must_use]
+    pub fn volume_in_mm3(&self, layer_mm: f64) -> f64 {
+        let count = (self.top_mm / layer_mm).ceil() as u32;
+        let layers: Vec<_> =
+            (0..count).map(|k| [f64::from(k), f64::from(k + 1)].map(|k| k * layer_mm)).collect();
+        self.volume_mm3(&layers)
     }
 }
 

@@ -11,8 +11,9 @@
 //! island need nothing, nor does what is so near the plate that this catches it as it sags; they are those that `check` lists apart.
 use crate::detect::island::Island;
 use crate::detect::walk::{Seen, Watch};
+use crate::layers::scan::spans;
 use crate::layers::shape::{Place, Point, Polygon, ring_edges};
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 /// Cells at most: 40 m² of overhang in cells of 1 mm would be more than any part has.
 pub const MAX_NEEDS: usize = 4_000_000;
@@ -92,15 +93,14 @@ impl Gather {
             let (a, b) = (key(a), key(b));
             a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
         };
-        let counted: Vec<Need> = self
+        // The same polygon gave the same centroid.
+        let mark = |layer: u32, centroid_mm: [f64; 2]| (layer, centroid_mm.map(f64::to_bits));
+        let counts: FxHashSet<_> = islands.iter().map(|i| mark(i.layer, i.centroid_mm)).collect();
+        let counted = self
             .islands
             .iter()
-            .filter(|(layer, centroid, _)| {
-                // The same polygon gave the same centroid.
-                islands.iter().any(|i| i.layer == *layer && i.centroid_mm == *centroid)
-            })
-            .map(|(.., at_mm)| Need { at_mm: *at_mm, area_mm2: 0.0, region: 0, island: true })
-            .collect();
+            .filter(|(layer, centroid_mm, _)| counts.contains(&mark(*layer, *centroid_mm)))
+            .map(|(.., at_mm)| Need { at_mm: *at_mm, area_mm2: 0.0, region: 0, island: true });
         needs.extend(counted);
         needs.sort_by(|a, b| b.island.cmp(&a.island).then_with(|| order(a, b)));
         let regions = join(&mut needs, cell_mm);
@@ -135,14 +135,12 @@ fn places(polygon: &Polygon, pitch_mm: f64) -> Vec<[f64; 2]> {
     let [min, max] = polygon.bounds().mm();
     let first = min.map(|c| (c / pitch_mm).ceil() as i64);
     let last = max.map(|c| (c / pitch_mm).floor() as i64);
-    for y in first[1]..=last[1] {
-        let y_mm = y as f64 * pitch_mm;
-        let mut crossed = crossings(polygon, y_mm);
-        crossed.sort_by(f64::total_cmp);
-        for span in crossed.chunks_exact(2) {
-            let from = first[0].max((span[0] / pitch_mm).ceil() as i64);
-            let to = last[0].min((span[1] / pitch_mm).floor() as i64);
-            found.extend((from..=to).map(|x| [x as f64 * pitch_mm, y_mm]));
+    let rows: Vec<f64> = (first[1]..=last[1]).map(|y| y as f64 * pitch_mm).collect();
+    for (y_mm, pieces) in rows.iter().zip(spans(&polygon.rings, Point::mm, &rows)) {
+        for piece in pieces {
+            let from = first[0].max((piece[0] / pitch_mm).ceil() as i64);
+            let to = last[0].min((piece[1] / pitch_mm).floor() as i64);
+            found.extend((from..=to).map(|x| [x as f64 * pitch_mm, *y_mm]));
         }
     }
     for ring in &polygon.rings {
@@ -162,14 +160,6 @@ fn places(polygon: &Polygon, pitch_mm: f64) -> Vec<[f64; 2]> {
     found
 }
 
-fn crossings(polygon: &Polygon, y_mm: f64) -> Vec<f64> {
-    let edges = polygon.rings.iter().flat_map(|r| ring_edges(r)).map(|e| e.map(Point::mm));
-    edges
-        .filter(|[a, b]| (a[1] > y_mm) != (b[1] > y_mm))
-        .map(|[a, b]| a[0] + (b[0] - a[0]) * (y_mm - a[1]) / (b[1] - a[1]))
-        .collect()
-}
-
 /// The centroid where it lies inside, else the middle of the widest of some cuts.
 fn inside(polygon: &Polygon, pitch_mm: f64) -> [f64; 2] {
     let centroid = polygon.centroid_mm();
@@ -177,15 +167,14 @@ fn inside(polygon: &Polygon, pitch_mm: f64) -> [f64; 2] {
         return centroid;
     }
     let [min, max] = polygon.bounds().mm();
-    let cuts = ((max[1] - min[1]) / pitch_mm).ceil().clamp(8.0, 256.0) as u32;
+    let count = ((max[1] - min[1]) / pitch_mm).ceil().clamp(8.0, 256.0);
+    let cuts: Vec<f64> =
+        (0..count as u32).map(|k| min[1] + (max[1] - min[1]) * (f64::from(k) + 0.5) / count).collect();
     let mut best = (-1.0, centroid);
-    for k in 0..cuts {
-        let y = min[1] + (max[1] - min[1]) * (f64::from(k) + 0.5) / f64::from(cuts);
-        let mut crossed = crossings(polygon, y);
-        crossed.sort_by(f64::total_cmp);
-        for span in crossed.chunks_exact(2) {
-            if span[1] - span[0] > best.0 {
-                best = (span[1] - span[0], [(span[0] + span[1]) / 2.0, y]);
+    for (y, pieces) in cuts.iter().zip(spans(&polygon.rings, Point::mm, &cuts)) {
+        for [from, to] in pieces {
+            if to - from > best.0 {
+                best = (to - from, [(from + to) / 2.0, *y]);
             }
         }
     }

@@ -3,39 +3,16 @@
 //! Every two lowest knots that are near each other have a cheapest meeting; the one that
 //! saves the most material of all is made first, and its knot looks for meetings in turn.
 //! What this leaves is for [`super::improve`].
+use super::ranked::Ranked;
 use super::skeleton::{Meeting, Skeleton};
 use rayon::prelude::*;
-use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 /// Neighbours that a knot looks at.
 const NEIGHBOURS: usize = 12;
 
-struct Offer {
-    saves: f64,
-    pair: [usize; 2],
-    meeting: Meeting,
-}
-
-impl PartialEq for Offer {
-    fn eq(&self, other: &Offer) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Offer {}
-
-impl Ord for Offer {
-    fn cmp(&self, other: &Offer) -> Ordering {
-        self.saves.total_cmp(&other.saves).then(other.pair.cmp(&self.pair))
-    }
-}
-
-impl PartialOrd for Offer {
-    fn partial_cmp(&self, other: &Offer) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
+/// A meeting of two, by what it saves.
+type Offer = Ranked<[usize; 2], Meeting>;
 
 /// Lets branches meet.
 pub(super) fn join(skeleton: &mut Skeleton<'_>) {
@@ -43,7 +20,7 @@ pub(super) fn join(skeleton: &mut Skeleton<'_>) {
     let mut lowest: Vec<usize> = all.filter(|k| skeleton.may_join(*k)).collect();
     let first: Vec<Vec<Offer>> = lowest.par_iter().map(|a| offers(skeleton, *a, &lowest)).collect();
     let mut queue: BinaryHeap<Offer> = first.into_iter().flatten().collect();
-    while let Some(Offer { pair: [a, b], meeting, .. }) = queue.pop() {
+    while let Some(Ranked { key: [a, b], item: meeting, .. }) = queue.pop() {
         if skeleton.knots[a].down.is_some() || skeleton.knots[b].down.is_some() {
             continue;
         }
@@ -76,7 +53,7 @@ fn offers(skeleton: &Skeleton<'_>, a: usize, lowest: &[usize]) -> Vec<Offer> {
         .filter_map(|(_, b)| {
             let meeting = skeleton.best_meeting(a, b)?;
             let saves = skeleton.way_cost(a) + skeleton.way_cost(b) - meeting.cost;
-            (saves > 1e-9).then_some(Offer { saves, pair: [a.min(b), a.max(b)], meeting })
+            (saves > 1e-9).then_some(Offer { value: saves, key: [a.min(b), a.max(b)], item: meeting })
         })
         .collect()
 }

@@ -6,7 +6,8 @@
 //! one part in a thousand is the last.
 use super::site::Way;
 use super::skeleton::{Knot, Skeleton};
-use super::tree::{distance, leans_within};
+use super::tree::leans_within;
+use crate::mesh::vector::distance;
 
 /// Rounds at most.
 const ROUNDS: u32 = 8;
@@ -141,10 +142,7 @@ impl Skeleton<'_> {
         let above: f64 = self.knots[k].ups.iter().map(|up| self.branch_cost(*up, at_mm)).sum();
         let knot = &self.knots[k];
         let below = match knot.down {
-            Some(down) => {
-                let radius = self.site.rules.radius_mm(knot.load, knot.length_mm);
-                super::tree::frustum_mm3(distance(at_mm, self.knots[down].at_mm), [radius; 2])
-            }
+            Some(down) => self.cost_between(k, at_mm, self.knots[down].at_mm),
             None => way.map_or(0.0, |way| self.site.cost(way, knot.load, knot.length_mm)),
         };
         above + below
@@ -238,10 +236,7 @@ impl Skeleton<'_> {
         let way = match (below, goal.next) {
             (None, Some(next)) => {
                 let Some(way) = &self.knots[goal.above].way else { return false };
-                let points_mm = way.points_mm[next..].to_vec();
-                let starts = std::iter::once(&goal.at_mm).chain(&points_mm);
-                let length_mm = starts.zip(&points_mm).map(|(a, b)| distance(*a, *b)).sum();
-                let rest = Way { points_mm, floor: way.floor, length_mm };
+                let rest = Way::new(goal.at_mm, way.points_mm[next..].to_vec(), way.floor);
                 // The branch above it has no bends of its own any more.
                 if !self.fits(goal.above, goal.at_mm) {
                     return false;

@@ -7,10 +7,6 @@ use crate::detect::walk::{Ask, Findings, LayerAsk, Seen, Stage, Watch, walk};
 use crate::layers::shape::Bounds;
 use crate::layers::stack::{Layer, Layers};
 
-/// Cells of the demand in the distance between tips: what is a cell away from a held place
-/// is a quarter of that distance away at most.
-const CELLS: f64 = 4.0;
-
 /// What was seen.
 #[derive(Debug)]
 pub struct Look {
@@ -75,7 +71,7 @@ pub fn look<L: Layers>(
     watch: &mut impl Watch,
 ) -> Result<Look, L::Error> {
     let mut drawn = Drawn { layers, drawing: Drawing::new(bounds, height_mm) };
-    let mut both = Both { gather: Gather::new(rules.spacing_mm / CELLS), other: watch };
+    let mut both = Both { gather: Gather::new(rules.cell_mm()), other: watch };
     let ask = Ask {
         min_island_mm2: own.min_area_mm2,
         layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),

@@ -10,9 +10,10 @@
 //!      └────────► clearance ─► site ──────┘
 //! ```
 //! - [`demand`]: what must be held
-//! - [`clearance`]: where branches may go; [`site`]: with the rules put upon it
+//! - [`clearance`]: where branches may go, and from where to the plate; [`site`]: with the rules put upon it
 //! - [`points`]: where tips stand
 //! - `skeleton`: branches that are still laid out; `vanek`, `grow` and `improve` lay them
+//! - `ranked`: which of many comes next
 //! - [`tree`]: what comes out; [`rules`]: what it must be like
 //! - [`look`] and [`plan`]: from layers to needs, from needs to trees; [`proof`]: whether it is so
 //! - [`section`]: what of it lies in a layer; [`cut`]: a forest as such
@@ -25,6 +26,7 @@ pub mod look;
 pub mod plan;
 pub mod points;
 pub mod proof;
+mod ranked;
 pub mod rules;
 pub mod section;
 pub mod site;

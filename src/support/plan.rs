@@ -1,11 +1,11 @@
 //! From demand and space to a forest.
 use super::clearance::Clearance;
 use super::demand::Demand;
-use super::points::{Points, Unheld, cover, fixed};
+use super::points::{Points, cover, fixed};
 use super::rules::Rules;
-use super::site::{Reason, Site};
+use super::site::Site;
 use super::skeleton::Skeleton;
-use super::tree::{Forest, distance};
+use super::tree::Forest;
 use super::{grow, improve, vanek};
 
 /// How tips are placed.
@@ -28,17 +28,13 @@ pub enum Branching {
     Tree,
 }
 
-/// Supports, and what they do not hold.
+/// Supports.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// What is printed.
     pub forest: Forest,
-    /// Where tips stand.
+    /// Where tips stand, and what none holds.
     pub points: Points,
-    /// What cannot be held, the lowest first.
-    pub unheld: Vec<Unheld>,
-    /// Every place of it, mm.
-    pub unheld_mm: Vec<[f64; 3]>,
 }
 
 type Join = for<'a> fn(&mut Skeleton<'a>);
@@ -62,7 +58,7 @@ pub fn plan(
         Placing::Fixed => fixed(demand, &site, rules),
         Placing::Cover => cover(demand, &site, rules),
     };
-    let (skeleton, lost) = Skeleton::new(&site, &points);
+    let skeleton = Skeleton::new(&site, &points);
     let forest = match branching {
         Branching::Straight => skeleton,
         Branching::Vanek => joined(skeleton, vanek::join),
@@ -78,21 +74,7 @@ pub fn plan(
         }
     }
     .forest();
-    let mut unheld = points.unheld.clone();
-    let mut unheld_mm: Vec<[f64; 3]> =
-        points.unheld_needs.iter().map(|k| demand.needs[*k as usize].at_mm).collect();
-    for k in &lost {
-        // All that this tip would have held.
-        let at = demand.needs[points.tips[*k].need as usize].at_mm;
-        let near = demand.needs.iter().map(|n| n.at_mm).filter(|n| distance(*n, at) <= rules.spacing_mm);
-        unheld_mm.extend(near);
-    }
-    unheld.extend(lost.into_iter().map(|k| {
-        let tip = &points.tips[k];
-        let need = &demand.needs[tip.need as usize];
-        Unheld { place_mm: need.at_mm, area_mm2: tip.area_mm2, island: need.island, reason: Reason::NoFloor }
-    }));
-    Plan { forest, points, unheld, unheld_mm }
+    Plan { forest, points }
 }
 
 #[cfg(test)]

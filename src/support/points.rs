@@ -12,6 +12,7 @@
 //! spacing, or belong to two regions, with fewer tips than there are of these: their number
 //! is the lower bound.
 use super::demand::{Demand, Need};
+use super::ranked::Ranked;
 use super::rules::Rules;
 use super::site::{Floor, Head, Reason, Site};
 use rayon::prelude::*;
@@ -50,8 +51,8 @@ pub struct Points {
     pub tips: Vec<Tip>,
     /// What cannot be held, a region each.
     pub unheld: Vec<Unheld>,
-    /// Needs that no tip holds, each of them.
-    pub unheld_needs: Vec<u32>,
+    /// Every place of these, mm.
+    pub unheld_mm: Vec<[f64; 3]>,
     /// No choice of tips would be smaller than this.
     pub at_least: u32,
 }
@@ -107,26 +108,8 @@ fn apart2(a: &Need, b: &Need) -> f64 {
     (0..3).map(|k| (a.at_mm[k] - b.at_mm[k]).powi(2)).sum()
 }
 
-/// What is tried next, the most valuable first and of equals the first.
-#[derive(PartialEq)]
-struct Offer {
-    value: f64,
-    need: u32,
-}
-
-impl Eq for Offer {}
-
-impl Ord for Offer {
-    fn cmp(&self, other: &Offer) -> Ordering {
-        self.value.total_cmp(&other.value).then(other.need.cmp(&self.need))
-    }
-}
-
-impl PartialOrd for Offer {
-    fn partial_cmp(&self, other: &Offer) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
+/// A need by what a tip there would be worth.
+type Offer = Ranked<u32, ()>;
 
 /// All that is known of the needs: where tips can stand, and whom they hold.
 struct Field<'a> {
@@ -184,13 +167,13 @@ impl<'a> Field<'a> {
             }
         }
         let mut unheld: FxHashMap<u32, Unheld> = FxHashMap::default();
-        let mut unheld_needs = Vec::new();
+        let mut unheld_mm = Vec::new();
         for (k, (need, (_, tip))) in needs.iter().zip(&nearest).enumerate() {
             if let Some(area) = area.get_mut(*tip as usize) {
                 *area += need.area_mm2;
                 continue;
             }
-            unheld_needs.push(k as u32);
+            unheld_mm.push(need.at_mm);
             let reason = self.heads[k].err().unwrap_or(Reason::NoRoom);
             let first = Unheld { place_mm: need.at_mm, area_mm2: 0.0, island: false, reason };
             let of = unheld.entry(need.region).or_insert(first);
@@ -210,7 +193,7 @@ impl<'a> Field<'a> {
             key(a).partial_cmp(&key(b)).unwrap_or(Ordering::Equal)
         });
         let tips = chosen.iter().zip(area).filter_map(tip).collect();
-        Points { tips, unheld, unheld_needs, at_least: self.at_least() }
+        Points { tips, unheld, unheld_mm, at_least: self.at_least() }
     }
 
     /// Needs so far apart that each wants a tip of its own, taken as they come.
@@ -299,21 +282,21 @@ fn completed(field: &Field<'_>, islands: &[u32], start: &[u32]) -> Vec<u32> {
     let offers: Vec<Offer> = (0..count as u32)
         .into_par_iter()
         .filter(|need| field.price(*need).is_some())
-        .map(|need| Offer { value: value(need, &held), need })
+        .map(|need| Offer { value: value(need, &held), key: need, item: () })
         .collect();
     let mut offers = BinaryHeap::from(offers);
     while let Some(offer) = offers.pop() {
-        let now = value(offer.need, &held);
+        let now = value(offer.key, &held);
         if now <= 0.0 {
             continue;
         }
         // What is held only grows, so values only fall: still at the top, it is the best.
         if offers.peek().is_some_and(|next| now < next.value) {
-            offers.push(Offer { value: now, need: offer.need });
+            offers.push(Offer { value: now, ..offer });
             continue;
         }
-        field.holds(offer.need).into_iter().for_each(|k| held[k as usize] += 1);
-        chosen.push(offer.need);
+        field.holds(offer.key).into_iter().for_each(|k| held[k as usize] += 1);
+        chosen.push(offer.key);
     }
     for _ in 0..ROUNDS {
         let before = chosen.len();

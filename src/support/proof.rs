@@ -12,20 +12,18 @@
 use super::demand::Gather;
 use super::plan::Plan;
 use super::rules::Rules;
-use super::tree::{Kind, distance};
+use super::tree::Kind;
 use crate::detect::island::Island;
 use crate::detect::overhang::{Growth, SelfSupport};
 use crate::detect::walk::{Ask, LayerAsk, Seen, Watch, walk};
 use crate::layers::shape::{Place, Point};
 use crate::layers::stack::Layers;
+use crate::mesh::vector::distance;
 use std::f64::consts::TAU;
 
 /// A place that a cell of the demand stands for may lie a cell off, and another one in the
 /// result.
 const CELLS_OFF: f64 = 2.0;
-
-/// Demand is gathered in this part of the spacing.
-const CELLS: f64 = 4.0;
 
 /// What does not hold.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -131,7 +129,7 @@ pub fn prove<L: Layers>(
         .map(|t| [t[0], t[1], (t[2] + rules.gap_mm.min(0.0) + raised_mm - layer_mm).max(0.0)])
         .collect();
     left.sort_by(|a, b| a[2].total_cmp(&b[2]));
-    let gather = Gather::new(rules.spacing_mm / CELLS);
+    let gather = Gather::new(rules.cell_mm());
     let mut tips = Tips { left, at: 0, missing: Vec::new(), gather, wide_mm: rules.tip_mm };
     let ask = Ask {
         min_island_mm2: own.min_area_mm2,
@@ -139,8 +137,8 @@ pub fn prove<L: Layers>(
         image: None,
     };
     let found = walk(layers, &ask, &mut tips)?;
-    let off = CELLS_OFF * rules.spacing_mm / CELLS;
-    let told = |at: [f64; 3]| plan.unheld_mm.iter().any(|u| distance(*u, at) <= off);
+    let off = CELLS_OFF * rules.cell_mm();
+    let told = |at: [f64; 3]| plan.points.unheld_mm.iter().any(|u| distance(*u, at) <= off);
     let place = |i: &Island| [i.centroid_mm[0], i.centroid_mm[1], i.z_mm];
     let demand = tips.gather.finish(&found.islands.islands, own.min_area_mm2, rules.caught_mm);
     let reach = rules.spacing_mm + off;

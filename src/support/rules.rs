@@ -124,6 +124,13 @@ impl Rules {
         self
     }
 
+    /// In cells of which side what must be held is gathered, mm: what lies in the cell of a
+    /// held place is a quarter of the spacing away from it at most.
+    #[must_use]
+    pub fn cell_mm(&self) -> f64 {
+        self.spacing_mm / 4.0
+    }
+
     /// Sideways by how much a mm down, at most.
     #[must_use]
     pub fn slope(&self) -> f64 {

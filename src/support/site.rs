@@ -1,7 +1,9 @@
 //! Where a tip can stand and how its branch comes down: the rules put upon the space.
-use super::clearance::{Clearance, Reach};
+use super::clearance::Clearance;
+use super::clearance::reach::Reach;
 use super::rules::Rules;
-use super::tree::{distance, frustum_mm3, leans_within};
+use super::tree::{frustum_mm3, leans_within};
+use crate::mesh::vector::distance;
 use std::f64::consts::TAU;
 
 /// A tip's gap shrinks where else less than this would be left above the plate, mm.
@@ -78,6 +80,16 @@ pub struct Way {
     pub floor: Floor,
     /// Length, mm.
     pub length_mm: f64,
+}
+
+impl Way {
+    /// The way that leads from a place through these points, mm.
+    #[must_use]
+    pub fn new(from_mm: [f64; 3], points_mm: Vec<[f64; 3]>, floor: Floor) -> Way {
+        let starts = std::iter::once(&from_mm).chain(&points_mm);
+        let length_mm = starts.zip(&points_mm).map(|(a, b)| distance(*a, *b)).sum();
+        Way { points_mm, floor, length_mm }
+    }
 }
 
 /// A part's space with the rules of its supports.
@@ -189,7 +201,7 @@ impl<'a> Site<'a> {
     #[must_use]
     pub fn way(&self, from_mm: [f64; 3]) -> Option<Way> {
         if from_mm[2] <= 0.0 {
-            return Some(Way { points_mm: Vec::new(), floor: Floor::Plate, length_mm: 0.0 });
+            return Some(Way::new(from_mm, Vec::new(), Floor::Plate));
         }
         let low = self.rules.foot_height_mm.min(from_mm[2]);
         let mut points_mm = match self.reach.way(from_mm, low) {
@@ -199,13 +211,7 @@ impl<'a> Site<'a> {
         points_mm.retain(|p| p[2] < from_mm[2] - 1e-9);
         let last = points_mm.last().copied().unwrap_or(from_mm);
         points_mm.push([last[0], last[1], 0.0]);
-        Some(Way { length_mm: length(from_mm, &points_mm), points_mm, floor: Floor::Plate })
-    }
-
-    /// Whether the plate is reached from a place by a branch.
-    #[must_use]
-    pub fn reaches_plate(&self, at_mm: [f64; 3]) -> bool {
-        self.reach.reaches(at_mm)
+        Some(Way::new(from_mm, points_mm, Floor::Plate))
     }
 
     /// Straight down, past walls as close as a tip may be: onto the part, or onto the plate
@@ -219,7 +225,7 @@ impl<'a> Site<'a> {
             let fits = self.space.is_clear(from_mm, down(0.0), [wide; 2]);
             let low = self.rules.foot_height_mm.min(from_mm[2] / 2.0);
             let points_mm = vec![down(low), down(0.0)];
-            return fits.then_some(Way { points_mm, floor: Floor::Plate, length_mm: from_mm[2] });
+            return fits.then(|| Way::new(from_mm, points_mm, Floor::Plate));
         };
         // The slab that holds the floor itself is not looked at.
         let above = ((floor_mm / slab - 1e-6).floor() + 1.0) * slab + 1e-6;
@@ -231,8 +237,10 @@ impl<'a> Site<'a> {
         let top = down((floor_mm + cone_mm).max(above));
         let fits = self.space.is_clear(from_mm, top, [wide; 2]);
         let fits = fits && self.space.is_clear(top, down(above), [wide, thin]);
-        let points_mm = vec![top, down(floor_mm)];
-        fits.then_some(Way { points_mm, floor: Floor::Model, length_mm: long })
+        // The floor is the highest of its cell: a foot on a slope stands a cell deeper.
+        let foot_mm = (floor_mm - self.space.cell_mm()).max(0.0);
+        let points_mm = vec![top, down(foot_mm)];
+        fits.then(|| Way::new(from_mm, points_mm, Floor::Model))
     }
 
     /// Leaves out bends that a straight branch can pass by.
@@ -280,9 +288,4 @@ impl<'a> Site<'a> {
             Floor::Model => frustum_mm3(way.length_mm, [top; 2]) + rules.landing_mm3,
         }
     }
-}
-
-fn length(from_mm: [f64; 3], points_mm: &[[f64; 3]]) -> f64 {
-    let starts = std::iter::once(&from_mm).chain(points_mm);
-    starts.zip(points_mm).map(|(a, b)| distance(*a, *b)).sum()
 }

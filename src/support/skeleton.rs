@@ -5,7 +5,8 @@
 //! build skeletons; [`Skeleton::forest`] gives what is printed.
 use super::points::Points;
 use super::site::{Floor, Head, Site, Way};
-use super::tree::{Forest, GROUND, Kind, distance, frustum_mm3, leans_within};
+use super::tree::{Forest, GROUND, Kind, frustum_mm3, leans_within};
+use crate::mesh::vector::distance;
 
 /// The end of a head, or a meeting.
 #[derive(Clone, Debug)]
@@ -41,29 +42,23 @@ pub(super) struct Meeting {
 }
 
 impl<'a> Skeleton<'a> {
-    /// Heads alone, each with its way down; tips that have none are left out, and given back.
-    pub(super) fn new(site: &'a Site<'a>, points: &Points) -> (Skeleton<'a>, Vec<usize>) {
-        let mut lost = Vec::new();
-        let mut knots = Vec::new();
-        for (k, tip) in points.tips.iter().enumerate() {
-            let way = site.way(tip.head.end_mm);
-            let Some(way) = way else {
-                lost.push(k);
-                continue;
-            };
-            let length_mm = distance(tip.head.contact_mm, tip.head.end_mm);
-            knots.push(Knot {
-                at_mm: tip.head.end_mm,
+    /// Heads alone, each with its way down: that there is one is how it was chosen
+    /// ([`Site::head`]).
+    pub(super) fn new(site: &'a Site<'a>, points: &Points) -> Skeleton<'a> {
+        let knot = |head: Head| {
+            let way = site.way(head.end_mm)?;
+            Some(Knot {
+                at_mm: head.end_mm,
                 down: None,
                 ups: Vec::new(),
                 load: 1,
-                length_mm,
-                head: Some(tip.head),
+                length_mm: distance(head.contact_mm, head.end_mm),
+                head: Some(head),
                 alive: true,
                 way: Some(way),
-            });
-        }
-        (Skeleton { site, knots }, lost)
+            })
+        };
+        Skeleton { site, knots: points.tips.iter().filter_map(|tip| knot(tip.head)).collect() }
     }
 
     /// Whether a branch may leave this knot for another than its own way: one that stands on
@@ -74,9 +69,14 @@ impl<'a> Skeleton<'a> {
 
     /// Cost of the branch from a knot to a place below, mm³.
     pub(super) fn branch_cost(&self, k: usize, to_mm: [f64; 3]) -> f64 {
+        self.cost_between(k, self.knots[k].at_mm, to_mm)
+    }
+
+    /// The same if the knot were elsewhere.
+    pub(super) fn cost_between(&self, k: usize, from_mm: [f64; 3], to_mm: [f64; 3]) -> f64 {
         let knot = &self.knots[k];
         let radius = self.site.rules.radius_mm(knot.load, knot.length_mm);
-        frustum_mm3(distance(knot.at_mm, to_mm), [radius; 2])
+        frustum_mm3(distance(from_mm, to_mm), [radius; 2])
     }
 
     /// Cost of a lowest knot's way.

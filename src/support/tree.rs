@@ -3,6 +3,7 @@
 //! Each node knows the node that it stands on; a branch is a node with what it stands on,
 //! a frustum from the one's radius to the other's. Knows no part and no file.
 use super::rules::Rules;
+use crate::mesh::vector::distance;
 use std::f64::consts::PI;
 
 /// No node below: it stands on the plate or on the part.
@@ -69,12 +70,6 @@ pub struct Tally {
     pub landings_on_model: u32,
     /// All branches, mm.
     pub length_mm: f64,
-}
-
-/// Distance of two places, mm.
-#[must_use]
-pub fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>().sqrt()
 }
 
 /// Whether a branch may run from `a` down to `b`, `slope` being mm sideways a mm down.
@@ -211,28 +206,5 @@ impl Forest {
         }
         tally.length_mm = self.branches().map(|b| distance(b.ends_mm[0], b.ends_mm[1])).sum();
         tally
-    }
-
-    /// Drops nodes that nothing stands on and that hold nothing.
-    pub fn prune(&mut self) {
-        let mut kept = vec![false; self.nodes.len()];
-        for k in self.downward() {
-            let node = self.nodes[k as usize];
-            kept[k as usize] |= node.kind == Kind::Tip;
-            if let Some(down) = kept.get(node.down as usize).copied() {
-                kept[node.down as usize] = down || kept[k as usize];
-            }
-        }
-        let mut new = vec![GROUND; kept.len()];
-        let stay = new.iter_mut().zip(&kept).filter(|(_, kept)| **kept);
-        stay.enumerate().for_each(|(k, (new, _))| *new = k as u32);
-        let mut at = 0;
-        self.nodes.retain(|_| {
-            at += 1;
-            kept[at - 1]
-        });
-        for node in &mut self.nodes {
-            node.down = new.get(node.down as usize).copied().unwrap_or(GROUND);
-        }
     }
 }

@@ -4,35 +4,24 @@
 //! From the highest place down: a branch goes to the nearest of the plate, the part below
 //! it, and the highest meetings of its cone with those of the others. Where the text is
 //! silent: what blocks the way to a meeting rules it out, and of equal ones the first counts.
+use super::ranked::Ranked;
 use super::skeleton::Skeleton;
-use super::tree::distance;
-use std::cmp::Ordering;
+use crate::mesh::vector::distance;
 use std::collections::BinaryHeap;
 
 /// A lowest knot by its height.
-#[derive(PartialEq)]
-struct High(f64, usize);
+type High = Ranked<usize, ()>;
 
-impl Eq for High {}
-
-impl Ord for High {
-    fn cmp(&self, other: &High) -> Ordering {
-        self.0.total_cmp(&other.0).then(other.1.cmp(&self.1))
-    }
-}
-
-impl PartialOrd for High {
-    fn partial_cmp(&self, other: &High) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
+fn high(at_mm: [f64; 3], key: usize) -> High {
+    High { value: at_mm[2], key, item: () }
 }
 
 /// Lets branches meet.
 pub(super) fn join(skeleton: &mut Skeleton<'_>) {
     let all = 0..skeleton.knots.len();
     let mut lowest: Vec<usize> = all.filter(|k| skeleton.may_join(*k)).collect();
-    let mut queue: BinaryHeap<High> = lowest.iter().map(|k| High(skeleton.knots[*k].at_mm[2], *k)).collect();
-    while let Some(High(_, a)) = queue.pop() {
+    let mut queue: BinaryHeap<High> = lowest.iter().map(|k| high(skeleton.knots[*k].at_mm, *k)).collect();
+    while let Some(Ranked { key: a, .. }) = queue.pop() {
         if skeleton.knots[a].down.is_some() {
             continue;
         }
@@ -55,7 +44,7 @@ pub(super) fn join(skeleton: &mut Skeleton<'_>) {
         if let Some((b, at, way)) = found {
             let new = skeleton.join(a, b, at, way);
             lowest.push(new);
-            queue.push(High(at[2], new));
+            queue.push(high(at, new));
         }
     }
 }

@@ -4,6 +4,7 @@
 //! code: it would not notice a mistake that it shares.
 #![allow(dead_code)] // each test binary uses its own part
 
+pub(crate) mod made;
 pub(crate) mod printer;
 
 use std::ffi::OsStr;
@@ -78,6 +79,13 @@ pub(crate) fn folder_with(bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
     let job = folder.path().join("job.gcode");
     std::fs::write(&job, bytes).expect("the job is written");
     (folder, job)
+}
+
+/// A folder with one file.
+pub(crate) fn folder_of(name: &str, bytes: &[u8]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join(name), bytes).expect("the file is written");
+    folder
 }
 
 /// The names in a folder, sorted: a temporary file left behind shows here.

@@ -87,13 +87,7 @@ class Page {
       '+': () => this.view.zoom(1.4, this.view.size.map((s) => s / 2)),
       '-': () => this.view.zoom(1 / 1.4, this.view.size.map((s) => s / 2)),
     };
-    window.addEventListener('keydown', (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      const act = keys[event.key] ?? keys[event.key.toLowerCase()];
-      if (!act) return;
-      event.preventDefault();
-      act();
-    });
+    onKeys(keys);
   }
 
   buttons() {

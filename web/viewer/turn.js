@@ -111,14 +111,7 @@ class TurnPage {
     return this.data.methods[this.method];
   }
 
-  draw() {
-    if (this.asked) return;
-    this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      this.paint();
-    });
-  }
+  draw = oncePerFrame(() => this.paint());
 
   paint() {
     if (!this.painter) return;
@@ -277,15 +270,8 @@ class TurnPage {
       '+': () => camera.zoomBy(1.25), '=': () => camera.zoomBy(1.25), '-': () => camera.zoomBy(0.8),
       f: () => camera.reset(), Home: () => camera.reset(), Escape: () => this.pick(null),
     };
-    window.addEventListener('keydown', (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      // These have arrow keys of their own.
-      if (event.target.matches?.('select, input[type="range"]')) return;
-      const act = keys[event.key] ?? keys[event.key.toLowerCase()];
-      if (!act) return;
-      event.preventDefault();
-      act();
-    });
+    // These have arrow keys of their own.
+    onKeys(keys, 'select, input[type="range"]');
   }
 
   buttons() {

@@ -68,14 +68,7 @@ class LayerView {
     return [this.centre[0] + (px - width / 2) / this.scale, this.centre[1] - (py - height / 2) / this.scale];
   }
 
-  draw() {
-    if (this.asked) return;
-    this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      this.paint();
-    });
-  }
+  draw = oncePerFrame(() => this.paint());
 
   paint() {
     const pen = this.canvas.getContext('2d');

@@ -1,35 +1,18 @@
 //! The flags of `check` that have something to say about numbers.
 use super::kind::Kind;
 use super::{Args, Finding, Overhang};
-use crate::layers::from_mesh::{MAX_LAYER_MM, MIN_LAYER_MM};
+use crate::cli::model::{not_negative, slope, within};
 use clap::{Args as ClapArgs, ValueEnum};
 use std::path::{Path, PathBuf};
 
 /// Layer height of a model when none is given, mm.
-pub(in crate::cli) const LAYER_MM: f64 = 0.2;
+pub(super) const LAYER_MM: f64 = 0.2;
 
 /// Side of a pixel of the image method when none is given, mm.
-pub(in crate::cli) const PIXEL_MM: f64 = 0.02;
+pub(super) const PIXEL_MM: f64 = 0.02;
 
 /// Finest pixel of the image method, mm.
 const PIXEL_MIN_MM: f64 = 0.001;
-
-/// How a model is placed and cut.
-#[derive(ClapArgs, Debug)]
-pub(in crate::cli) struct Model {
-    /// Thickness of the layers [default: 0.2]
-    #[arg(long, value_name = "MM", value_parser = layer_height)]
-    pub(in crate::cli) layer_height: Option<f64>,
-    /// Thickness of the first layer [default: that of the others]
-    #[arg(long, value_name = "MM", value_parser = layer_height)]
-    pub(in crate::cli) first_layer_height: Option<f64>,
-    /// Turn the model by degrees about the X, then the Y, then the Z axis
-    #[arg(long, value_name = "X,Y,Z", value_parser = angles, allow_hyphen_values = true)]
-    pub(in crate::cli) rotate: Option<[f64; 3]>,
-    /// Scale the model to this height, after turning it
-    #[arg(long, value_name = "MM", value_parser = positive)]
-    pub(in crate::cli) height_mm: Option<f64>,
-}
 
 /// What counts as held.
 #[derive(ClapArgs, Debug)]
@@ -65,39 +48,8 @@ pub(super) enum Growth {
     Naive,
 }
 
-fn number(text: &str) -> Result<f64, String> {
-    text.trim().parse::<f64>().ok().filter(|n| n.is_finite()).ok_or_else(|| "it is no number".to_owned())
-}
-
-fn within(text: &str, fits: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
-    let value = number(text)?;
-    if fits(value) { Ok(value) } else { Err(format!("it must be {wanted}")) }
-}
-
-fn layer_height(text: &str) -> Result<f64, String> {
-    let range = MIN_LAYER_MM..=MAX_LAYER_MM;
-    within(text, |mm| range.contains(&mm), &format!("from {MIN_LAYER_MM} to {MAX_LAYER_MM} mm"))
-}
-
-pub(in crate::cli) fn positive(text: &str) -> Result<f64, String> {
-    within(text, |mm| mm > 0.0, "more than 0")
-}
-
-pub(in crate::cli) fn not_negative(text: &str) -> Result<f64, String> {
-    within(text, |mm| mm >= 0.0, "0 or more")
-}
-
-pub(in crate::cli) fn slope(text: &str) -> Result<f64, String> {
-    within(text, |deg| (0.0..90.0).contains(&deg), "from 0 to less than 90")
-}
-
 fn pixel(text: &str) -> Result<f64, String> {
     within(text, |mm| (PIXEL_MIN_MM..=1.0).contains(&mm), &format!("from {PIXEL_MIN_MM} to 1 mm"))
-}
-
-fn angles(text: &str) -> Result<[f64; 3], String> {
-    let parts: Result<Vec<f64>, String> = text.split(',').map(number).collect();
-    parts?.try_into().map_err(|_| "three angles are needed: X,Y,Z".to_owned())
 }
 
 /// What is drawn, by the name of the picture.
@@ -171,21 +123,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_within_their_ranges() {
+    fn pixels_are_within_their_range() {
         let check = |found: Result<f64, String>, expect: Option<f64>| assert_eq!(found.ok(), expect);
-        check(layer_height("0.2"), Some(0.2));
-        check(layer_height("0"), None);
-        check(layer_height("1e-9"), None);
-        check(layer_height("NaN"), None);
-        check(layer_height("-1"), None);
-        check(layer_height("1e9"), None);
-        check(positive("0"), None);
-        check(positive("inf"), None);
-        check(slope("90"), None);
-        check(slope("0"), Some(0.0));
         check(pixel("0"), None);
-        assert_eq!(angles("90, -45,0"), Ok([90.0, -45.0, 0.0]));
-        assert!(angles("1,2").is_err() && angles("1,2,3,4").is_err() && angles("1,2,x").is_err());
     }
 
     #[test]

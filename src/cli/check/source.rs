@@ -2,8 +2,8 @@
 use super::flags::{Drawing, Growth, LAYER_MM, PIXEL_MM, drawing};
 use super::kind::{Kind, Opened};
 use super::watch::Eye;
-use super::{Args, Overhang, material};
-use crate::cli::{files, progress};
+use super::{Args, Overhang};
+use crate::cli::{files, material, progress};
 use crate::detect::overhang::{self, SelfSupport};
 use crate::detect::overhang_normal;
 use crate::detect::walk::{Ask, Findings, ImageAsk, LayerAsk, walk};
@@ -50,7 +50,7 @@ pub(super) fn check(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
 /// The rules of the material, but for what the flags say.
 fn rules(args: &Args, material: &str) -> anyhow::Result<(Rules, SelfSupport)> {
     let name = args.rules.material.as_deref().unwrap_or(material);
-    let of = material::rules(name)?;
+    let of = material::printed(name)?.own;
     let rules = SelfSupport {
         angle_deg: args.rules.angle_deg.unwrap_or(of.angle_deg),
         bridge_mm: args.rules.bridge_mm.unwrap_or(of.bridge_mm),

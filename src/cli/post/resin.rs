@@ -2,11 +2,11 @@
 //!
 //! There is no hook of a slicer here: without an output there is nothing to do, and the
 //! file stays. With one, the format is what its name ends in.
-use super::Args;
+use super::{Args, forgive, write_report};
 use crate::cli::files::{self, Replacement, Seen};
 use crate::cli::progress;
 use crate::resin::job::{Format, Job};
-use crate::resin::rewrite::{Rewritten, Untouched, rewrite};
+use crate::resin::rewrite::{Edits, Rewritten, Untouched, rewrite};
 use crate::resin::{self, goo::MARK_BYTES};
 use anyhow::Context;
 use serde::Serialize;
@@ -88,19 +88,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     report.seconds = started.elapsed().as_secs_f64();
     tell(args, &report);
     if let Some(to) = &args.report {
-        let json = serde_json::to_string_pretty(&report)? + "\n";
-        match files::write_text(&json, to, "report") {
-            // The job is whole, or as it was.
-            Err(error) if args.output.is_none() => eprintln!("outrigger: {error:#}"),
-            written => written?,
-        }
+        forgive(args, write_report(&report, to))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-type Open<'a> = Job<BufReader<&'a File>>;
+pub(super) type Open<'a> = Job<BufReader<&'a File>>;
 
-fn open(file: &File) -> anyhow::Result<Open<'_>> {
+pub(super) fn open(file: &File) -> anyhow::Result<Open<'_>> {
     Ok(resin::open(BufReader::with_capacity(BUFFER_BYTES, file))?)
 }
 
@@ -126,12 +121,11 @@ fn convert(args: &Args, file: &File, path: &Path, output: &Path) -> anyhow::Resu
     let mut report = report_of(&job);
     let target = named(output).unwrap_or(job.format());
     report.kind_out = Some(target.key());
-    let replacement = Replacement::beside(output)?;
     let replacement = if target == job.format() {
         report.unchanged_reason = Some("OUT is a copy: it has the same format".to_owned());
-        replacement.copy_of(&mut file.try_clone().context("cannot read the file")?)?
+        Replacement::beside(output)?.copy_of(&mut file.try_clone().context("cannot read the file")?)?
     } else {
-        let (replacement, written) = written(args, &mut job, replacement, target, output)?;
+        let (replacement, written) = written(args, &mut job, target, &Untouched, output)?;
         (report.notes, report.layers_changed, report.unchanged_reason) =
             (written.notes, written.changed, None);
         replacement
@@ -145,18 +139,22 @@ fn convert(args: &Args, file: &File, path: &Path, output: &Path) -> anyhow::Resu
     Ok(report)
 }
 
-/// Writes the job in another format.
-fn written(
+/// Writes the job, in another format or with other pictures.
+///
+/// # Errors
+/// It cannot be read, or what is to replace `output` not be written.
+pub(super) fn written(
     args: &Args,
     job: &mut Open<'_>,
-    mut replacement: Replacement,
     target: Format,
+    edits: &impl Edits,
     output: &Path,
 ) -> anyhow::Result<(Replacement, Rewritten)> {
+    let mut replacement = Replacement::beside(output)?;
     let bar = progress::layers(Some(job.layers().len() as u32), args.quiet);
     let refused = || format!("cannot write beside {}", output.display());
     let mut out = BufWriter::with_capacity(BUFFER_BYTES, replacement.file());
-    let written = rewrite(job, &mut out, target, &Untouched, &mut |layers| bar.set_position(layers.into()));
+    let written = rewrite(job, &mut out, target, edits, &mut |layers| bar.set_position(layers.into()));
     let written = match written {
         Err(error) if error.is_output() => return Err(anyhow::Error::new(error).context(refused())),
         written => written?,

@@ -3,9 +3,10 @@
 //! The demand comes from the job itself, its beads or its images; no model is needed. What
 //! the slicer has already supported is held. The result is read anew and looked at with
 //! the same detectors before it takes the job's place.
-use super::Args;
-use crate::cli::check::material;
+use super::resin::{is_resin, named, open, written};
+use super::{Args, forgive, write_report};
 use crate::cli::files::{self, Replacement, Seen};
+use crate::cli::material::{self, printed};
 use crate::cli::progress;
 use crate::detect::overhang::SelfSupport;
 use crate::layers::from_gcode::{self, BeadLayers};
@@ -15,17 +16,12 @@ use crate::layers::stack::Layers;
 use crate::merge::into_gcode::{Options, into_gcode};
 use crate::merge::into_images::Drawn;
 use crate::merge::together::Together;
-use crate::profile::load_material;
-use crate::profile::material::MaterialKind;
 use crate::report::support::Report;
-use crate::resin;
-use crate::resin::rewrite::rewrite;
 use crate::support::cut::Cuts;
 use crate::support::look::{Look, look};
 use crate::support::plan::{Branching, Placing, Plan, plan};
 use crate::support::proof::{Proof, prove};
 use crate::support::rules::{Process, Rules};
-use crate::support::section::Sections;
 use anyhow::{Context, bail, ensure};
 use std::f64::consts::PI;
 use std::fs::File;
@@ -54,7 +50,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let path = files::resolve(&args.file)?;
     let file = files::open_regular(&path)?;
     let mut report = Report { file: files::display_name(&args.file), method: "tree", ..Report::default() };
-    let done = if super::resin::is_resin(&path) {
+    let done = if is_resin(&path) {
         into_resin(args, &file, &path, &mut report)
     } else {
         into_text(args, &file, &path, &mut report)
@@ -66,7 +62,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         if taken { eprintln!("{table}") } else { crate::cli::say(&table) }
     }
     if let Some(to) = &args.report {
-        files::write_text(&report.json()?, to, "report")?;
+        forgive(args, write_report(&report, to))?;
     }
     match done {
         Ok(()) => Ok(ExitCode::SUCCESS),
@@ -82,19 +78,15 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// The material's rules: of the one that is named, else of the job's own.
-fn rules(args: &Args, own: &str, report: &mut Report) -> anyhow::Result<(SelfSupport, Process)> {
+/// The rules of the material that is named, else of the job's own, which must be printed in
+/// the job's way.
+fn own_rules(args: &Args, own: &str, process: Process, report: &mut Report) -> anyhow::Result<SelfSupport> {
     let name = args.material.as_deref().unwrap_or(own);
-    let material = load_material(name)?;
+    let material = printed(name)?;
     name.clone_into(&mut report.material);
-    report.process = material.kind.word();
-    let process = match material.kind {
-        MaterialKind::Filament(_) => Process::Filament,
-        MaterialKind::Resin => Process::Resin,
-    };
-    let of = material.self_support;
-    let own = SelfSupport { angle_deg: of.angle_deg, bridge_mm: of.bridge_mm, min_area_mm2: of.min_area_mm2 };
-    Ok((own, process))
+    report.process = material.kind;
+    ensure!(material.process == process, "{name} is a {}, which the job is not printed with", material.kind);
+    Ok(material.own)
 }
 
 /// Plans supports for what was seen.
@@ -137,9 +129,8 @@ fn beads(file: &File) -> anyhow::Result<BeadLayers> {
 fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyhow::Result<()> {
     let seen_as = Seen::of(file)?;
     let mut input = file.try_clone().context("cannot read the file")?;
-    let named = material::of_gcode(&mut input).context("cannot read the file")?;
-    let (own, process) = rules(args, named.unwrap_or("pla"), report)?;
-    ensure!(process == Process::Filament, "{} is a resin, and the job is G-code", report.material);
+    let filament = material::of_gcode(&mut input).context("cannot read the file")?;
+    let own = own_rules(args, filament.unwrap_or("pla"), Process::Filament, report)?;
     let began = Instant::now();
     let mut layers = beads(file)?;
     ensure!(!layers.facts().spiral, "this is a spiral vase, which has no layers to print supports in");
@@ -149,7 +140,7 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
     );
     let height_mm = layers.height_mm();
     report.layer_mm = round(height_mm / f64::from(layers.count().unwrap_or(1).max(1)));
-    let rules = Rules::usual(process, report.layer_mm);
+    let rules = Rules::usual(Process::Filament, report.layer_mm);
     report.seconds.read = began.elapsed().as_secs_f64();
     let looking = Instant::now();
     let bounds = layers.bounds();
@@ -181,9 +172,7 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
 
 fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyhow::Result<()> {
     let seen_as = Seen::of(file)?;
-    let open = |file| -> anyhow::Result<_> { Ok(resin::open(BufReader::with_capacity(BUFFER_BYTES, file))?) };
-    let (own, process) = rules(args, "resin-standard", report)?;
-    ensure!(process == Process::Resin, "{} is a filament, and the job is one of resin", report.material);
+    let own = own_rules(args, "resin-standard", Process::Resin, report)?;
     let began = Instant::now();
     let job = open(file)?;
     let (placement, panel) = (job.placement(), job.panel());
@@ -191,8 +180,8 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     let height_mm = layers.last().map_or(0.0, |l| l.top_mm);
     report.layer_mm = round(height_mm / layers.len().max(1) as f64);
     let target = args.output.as_deref().unwrap_or(path);
-    let format = super::resin::named(target).unwrap_or(job.format());
-    let rules = Rules::usual(process, report.layer_mm);
+    let format = named(target).unwrap_or(job.format());
+    let rules = Rules::usual(Process::Resin, report.layer_mm);
     let size = [
         f64::from(panel.width_px) * placement.pixel_mm[0],
         f64::from(panel.height_px) * placement.pixel_mm[1],
@@ -205,19 +194,10 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     let made = planned(args, &seen, &rules, report)?;
     drop(seen);
     let cuts = Cuts::new(&made.forest, 0.0);
-    report.volume_mm3 = layers
-        .iter()
-        .map(|l| cuts.section(l.top_mm - l.height_mm, l.top_mm).body.area_mm2() * l.height_mm)
-        .sum();
-    let mut job = open(file)?;
-    let bar = progress::layers(Some(layers.len() as u32), args.quiet);
-    let mut replacement = Replacement::beside(target)?;
-    let mut out = BufWriter::with_capacity(BUFFER_BYTES, replacement.file());
+    let heights: Vec<_> = layers.iter().map(|l| [l.top_mm - l.height_mm, l.top_mm]).collect();
+    report.volume_mm3 = cuts.volume_mm3(&heights);
     let edits = Drawn::new(&cuts, &layers, placement);
-    let written = rewrite(&mut job, &mut out, format, &edits, &mut |done| bar.set_position(done.into()))?;
-    out.flush().with_context(|| format!("cannot write beside {}", target.display()))?;
-    drop(out);
-    bar.finish_and_clear();
+    let (mut replacement, written) = written(args, &mut open(file)?, format, &edits, target)?;
     report.warnings.extend(written.notes);
     let proving = Instant::now();
     let result = proved(file, replacement.file(), &made, &rules, own, report.layer_mm)?;
@@ -235,9 +215,7 @@ fn proved(
     own: SelfSupport,
     layer_mm: f64,
 ) -> anyhow::Result<Proof> {
-    let reader = |file| BufReader::with_capacity(BUFFER_BYTES, file);
-    let (was, is) = (resin::open(reader(before))?, resin::open(reader(after))?);
-    let mut both = Together::new(FromImages::new(was), vec![FromImages::new(is)]);
+    let mut both = Together::new(FromImages::new(open(before)?), vec![FromImages::new(open(after)?)]);
     Ok(prove(&mut both, made, rules, own, layer_mm, 0.0)?)
 }
 

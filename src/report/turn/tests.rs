@@ -1,6 +1,6 @@
 //! The page, read by a decoder of its own.
 use super::*;
-use crate::report::embed::testing::{inside, unpacked};
+use crate::report::embed::testing::{inside, is_whole_and_alone, unpacked};
 use crate::support::site::Reason;
 use crate::support::tree::{GROUND, Kind};
 use serde_json::json;
@@ -86,15 +86,7 @@ impl Digits<'_> {
 #[test]
 fn the_page_is_whole_and_alone() {
     let page = page(&NOTHING);
-    for mark in ["@TITLE@", "@STYLE@", "@SCENE@", "@SHAPES@", "@SCRIPTS@"] {
-        assert!(!page.contains(mark), "{mark}");
-    }
-    for outside in ["http:", "https:", "src=", "href=", "@import", "url("] {
-        assert!(!page.contains(outside), "{outside}");
-    }
-    assert_eq!(page.matches("<script").count(), 2 + SCRIPTS.len());
-    assert_eq!(page.matches("</script>").count(), 2 + SCRIPTS.len());
-    assert!(page.trim_end().ends_with("</html>"));
+    is_whole_and_alone(&page, &["@TITLE@", "@STYLE@", "@SCENE@", "@SHAPES@", "@SCRIPTS@"], 2, SCRIPTS.len());
     assert_eq!(unpacked(inside(&page, "shapes")), [0, 0], "no triangles, no needs");
 }
 

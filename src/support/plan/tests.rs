@@ -5,15 +5,15 @@ use super::super::look::Look;
 use super::super::proof::{Proof, prove};
 use super::super::rules::Process;
 use super::super::section::Sections;
-use super::super::site::Floor;
+use super::super::site::{Floor, Reason};
 use super::super::testing::{Given, OWN, layers, region, seen};
 use super::super::tree::{GROUND, Kind, leans_within};
 use super::*;
 use crate::layers::polygon::{intersection, union};
 use crate::layers::shape::{Place, Point, Region};
 use crate::layers::stack::Layer;
+use crate::mesh::vector::distance;
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 const LAYER_MM: f64 = 0.1;
 
@@ -104,7 +104,7 @@ fn is_sound(part: &[Layer], look: &Look, made: &Plan, rules: &Rules) {
         let held = tips
             .iter()
             .any(|t| t.region == need.region && distance(t.at_mm, need.at_mm) <= rules.spacing_mm + 1e-9);
-        let told = made.unheld_mm.contains(&need.at_mm);
+        let told = made.points.unheld_mm.contains(&need.at_mm);
         // A lattice's cells are two-dimensional: its tips may be farther in height.
         assert!(held || told || need.area_mm2 < 1e-9, "{need:?}");
     }
@@ -141,7 +141,7 @@ fn a_table_is_held_and_trees_take_least() {
         assert!(volume[3] < 0.4 * volume[0], "ours and columns: {volume:?}");
         let tips: Vec<usize> = plans.iter().map(|p| p.points.tips.len()).collect();
         assert!(tips[3] <= tips[1], "{tips:?}");
-        assert!(plans[3].unheld.is_empty());
+        assert!(plans[3].points.unheld.is_empty());
         assert!(plans[3].forest.tally().landings_on_model == 0);
     }
 }
@@ -181,7 +181,7 @@ fn what_is_walled_in_stands_on_the_part_or_is_told() {
     let mut rules = Rules::usual(Process::Resin, LAYER_MM);
     let look = seen(part.clone(), &rules);
     let made = plan(&look.demand, &look.space, &rules, Placing::Cover, Branching::Tree);
-    assert!(made.unheld.is_empty(), "{:?}", made.unheld);
+    assert!(made.points.unheld.is_empty(), "{:?}", made.points.unheld);
     assert!(made.forest.tally().landings_on_model > 0 && made.forest.tally().trunks_on_plate == 0);
     assert!(made.points.tips.iter().all(|t| t.head.floor == Floor::Model));
     is_sound(&part, &look, &made, &rules);
@@ -189,8 +189,8 @@ fn what_is_walled_in_stands_on_the_part_or_is_told() {
     rules.on_model = false;
     let made = plan(&look.demand, &look.space, &rules, Placing::Cover, Branching::Tree);
     assert!(made.forest.nodes.is_empty());
-    assert!(!made.unheld.is_empty());
-    for unheld in &made.unheld {
+    assert!(!made.points.unheld.is_empty());
+    for unheld in &made.points.unheld {
         assert_eq!(unheld.reason, Reason::Enclosed);
         assert!((unheld.place_mm[2] - 6.0).abs() < 0.11, "{unheld:?}");
     }
@@ -244,17 +244,14 @@ fn the_proof_finds_what_is_amiss() {
         .filter(|k| forgot.forest.nodes[*k].kind == Kind::Tip && corner(forgot.forest.nodes[*k].at_mm))
         .collect();
     for k in &gone {
-        forgot.forest.nodes[*k].kind = Kind::Joint;
+        (forgot.forest.nodes[*k].kind, forgot.forest.nodes[*k].down) = (Kind::Joint, GROUND);
     }
-    forgot.forest.prune();
     let found = proof(&part, &forgot, &rules);
     assert!(!gone.is_empty() && !found.far_mm.is_empty() && found.far_mm2 > 1.0, "{found:?}");
 }
 
 proptest! {
-    // The same parts each time. Of 300 others one plan failed its proof (a foot on the very rim
-    // of a block), which in use means that nothing is written.
-    #![proptest_config(ProptestConfig { cases: 24, rng_seed: RngSeed::Fixed(5), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(24))]
     /// Whatever the part is, a plan is sound, and the result proves it.
     #[test]
     fn any_part_is_held_or_told(

@@ -1,5 +1,6 @@
 //! Parallel lines through a polygon: where they are inside.
-use crate::layers::shape::{Polygon, ring_edges};
+use crate::layers::scan::spans;
+use crate::layers::shape::Polygon;
 use crate::toolpath::bead::Point;
 
 /// Coordinates along and across lines at an angle.
@@ -53,26 +54,9 @@ impl Frame {
 }
 
 /// For each of some lines, told by how far across they lie (ascending), the pieces
-/// that are inside of a polygon: from and to, along the line. In proportion to the
-/// vertices and the crossings.
+/// that are inside of a polygon: from and to, along the line.
 pub(super) fn intervals(polygon: &Polygon, frame: Frame, offsets: &[f64]) -> Vec<Vec<[f64; 2]>> {
-    let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); offsets.len()];
-    for [a, b] in polygon.rings.iter().flat_map(|ring| ring_edges(ring)) {
-        let (a, b) = (frame.of(a.mm()), frame.of(b.mm()));
-        let (low, high) = if a[1] < b[1] { (a, b) } else { (b, a) };
-        // An edge has its lower end and not its upper one: a vertex counts once.
-        let from = offsets.partition_point(|&y| y < low[1]);
-        let to = offsets.partition_point(|&y| y < high[1]);
-        for k in from..to {
-            let t = (offsets[k] - low[1]) / (high[1] - low[1]);
-            crossings[k].push(low[0] + t * (high[0] - low[0]));
-        }
-    }
-    let pieces = |mut xs: Vec<f64>| {
-        xs.sort_unstable_by(f64::total_cmp);
-        xs.chunks_exact(2).map(|pair| [pair[0], pair[1]]).filter(|[from, to]| from < to).collect()
-    };
-    crossings.into_iter().map(pieces).collect()
+    spans(&polygon.rings, |p| frame.of(p.mm()), offsets)
 }
 
 #[cfg(test)]

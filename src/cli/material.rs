@@ -1,5 +1,8 @@
-//! Which material a job is for.
+//! Which material a job is for, and what that bears.
+use crate::detect::overhang::SelfSupport;
+use crate::profile::material::MaterialKind;
 use crate::profile::{load_material, material_names};
+use crate::support::rules::Process;
 use outrigger_gcode::dialect::settings::setting;
 use outrigger_gcode::line::parse;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
@@ -8,13 +11,36 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 /// settings there.
 const END_BYTES: u64 = 256 << 10;
 
-/// The self-support rules of a material, by its profile's name.
-pub(super) fn rules(name: &str) -> anyhow::Result<crate::profile::material::SelfSupport> {
-    Ok(load_material(name)?.self_support)
+/// What of a material matters before a job is printed.
+pub(super) struct Printed {
+    /// What holds itself.
+    pub(super) own: SelfSupport,
+    /// How it is made solid.
+    pub(super) process: Process,
+    /// The word for that: `filament` or `resin`.
+    pub(super) kind: &'static str,
+}
+
+/// A material by its profile's name.
+///
+/// # Errors
+/// There is no such profile, or it is wrong.
+pub(super) fn printed(name: &str) -> anyhow::Result<Printed> {
+    let material = load_material(name)?;
+    let of = material.self_support;
+    let process = match material.kind {
+        MaterialKind::Filament(_) => Process::Filament,
+        MaterialKind::Resin => Process::Resin,
+    };
+    Ok(Printed {
+        own: SelfSupport { angle_deg: of.angle_deg, bridge_mm: of.bridge_mm, min_area_mm2: of.min_area_mm2 },
+        process,
+        kind: material.kind.word(),
+    })
 }
 
 /// The profile of the filament that G-code names, if there is one.
-pub(in crate::cli) fn of_gcode(file: &mut (impl Read + Seek)) -> std::io::Result<Option<&'static str>> {
+pub(super) fn of_gcode(file: &mut (impl Read + Seek)) -> std::io::Result<Option<&'static str>> {
     file.seek(SeekFrom::Start(0))?;
     // Binary G-code has its settings at the beginning, and this makes them comments.
     let text = outrigger_gcode::bgcode::text(BufReader::new(&mut *file));
