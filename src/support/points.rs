@@ -169,7 +169,9 @@ impl<'a> Field<'a> {
         let mut unheld: FxHashMap<u32, Unheld> = FxHashMap::default();
         let mut unheld_mm = Vec::new();
         for (k, (need, (_, tip))) in needs.iter().zip(&nearest).enumerate() {
-            if let Some(area) = area.get_mut(*tip as usize) {
+            // An island hangs on the tip under itself, whatever else is near.
+            let held = !need.island || self.under_island(k as u32).is_some();
+            if let Some(area) = area.get_mut(*tip as usize).filter(|_| held) {
                 *area += need.area_mm2;
                 continue;
             }

@@ -250,6 +250,24 @@ fn the_proof_finds_what_is_amiss() {
     assert!(!gone.is_empty() && !found.far_mm.is_empty() && found.far_mm2 > 1.0, "{found:?}");
 }
 
+/// A column a little above a slab: under it there is no room for a tip, and what holds the slab
+/// does not hold the column.
+#[test]
+fn an_island_close_above_the_part_is_told() {
+    let blocks = [[5.0, 13.0, 7.0, 15.0], [0.0, 11.0, 7.0, 15.0]];
+    let part = part(|z| match z {
+        z if z > 2.3 && z < 2.7 => region(&[blocks[1]]),
+        z if z > 3.3 && z < 3.7 => region(&[blocks[0]]),
+        _ => Region::default(),
+    });
+    let rules = Rules::usual(Process::Filament, LAYER_MM);
+    let look = seen(part.clone(), &rules);
+    let made = plan(&look.demand, &look.space, &rules, Placing::Cover, Branching::Tree);
+    let told: Vec<_> = made.points.unheld.iter().map(|u| (u.island, u.reason)).collect();
+    assert_eq!(told, [(true, Reason::NoRoom)]);
+    assert!(proof(&part, &made, &rules).holds());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     /// Whatever the part is, a plan is sound, and the result proves it.
