@@ -273,13 +273,24 @@ impl Clearance {
     /// sum at its two ends, mm.
     #[must_use]
     pub fn is_clear(&self, from: [f64; 3], to: [f64; 3], radii_mm: [f64; 2]) -> bool {
+        self.along(from, to).all(|(at, t)| self.is_free(at, radii_mm[0] + (radii_mm[1] - radii_mm[0]) * t))
+    }
+
+    /// How far the nearest place of a way is from the part, mm.
+    #[must_use]
+    pub fn away_along_mm(&self, from: [f64; 3], to: [f64; 3]) -> f64 {
+        self.along(from, to).map(|(at, _)| self.away_mm(at)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Places along a way, so close that no cell and no slab is left out, and which part of
+    /// the way lies before each.
+    fn along(&self, from: [f64; 3], to: [f64; 3]) -> impl Iterator<Item = ([f64; 3], f64)> + use<> {
         let flat = (to[0] - from[0]).hypot(to[1] - from[1]);
         let steps = ((from[2] - to[2]).abs() * 2.0 / self.grid.slab_mm).max(flat / self.grid.cell_mm);
         let steps = steps.ceil().clamp(1.0, 1e5) as u32;
-        (0..=steps).all(|k| {
+        (0..=steps).map(move |k| {
             let t = f64::from(k) / f64::from(steps);
-            let at = [0, 1, 2].map(|k| from[k] + (to[k] - from[k]) * t);
-            self.is_free(at, radii_mm[0] + (radii_mm[1] - radii_mm[0]) * t)
+            ([0, 1, 2].map(|k| from[k] + (to[k] - from[k]) * t), t)
         })
     }
 

@@ -129,7 +129,10 @@ impl<'a> Site<'a> {
             for ((end_radius_mm, free_mm), share) in [(usual, 1.0), (thin, 1.0), (thin, SLIM)] {
                 let contact_radius_mm = rules.tip_mm / 2.0 * share;
                 for end_mm in self.ends(at_mm, contact_mm) {
-                    if !self.head_fits(at_mm, end_mm, contact_radius_mm + TIP_CLEARANCE_MM * share, free_mm) {
+                    let thin_mm = contact_radius_mm + TIP_CLEARANCE_MM * share;
+                    // A foot under a tip close to the plate is as wide as it is, and no more.
+                    let wide_mm = if end_mm[2] <= 0.0 { thin_mm.max(end_radius_mm) } else { free_mm };
+                    if !self.head_fits(at_mm, end_mm, thin_mm, wide_mm) {
                         continue;
                     }
                     let is_whole = end_radius_mm >= usual.0 && share == 1.0;
@@ -177,7 +180,7 @@ impl<'a> Site<'a> {
     }
 
     /// Whether a head fits: looked at from just below the slab that holds the overhang.
-    fn head_fits(&self, at_mm: [f64; 3], end_mm: [f64; 3], thin: f64, free_mm: f64) -> bool {
+    fn head_fits(&self, at_mm: [f64; 3], end_mm: [f64; 3], thin: f64, wide: f64) -> bool {
         let slab = self.space.slab_mm();
         let from_z = ((at_mm[2] - 1e-6) / slab).floor() * slab;
         if from_z <= 0.0 && end_mm[2] <= 0.0 {
@@ -192,8 +195,6 @@ impl<'a> Site<'a> {
             ([0, 1, 2].map(|k| at_mm[k] + (end_mm[k] - at_mm[k]) * t), t)
         };
         let (from, t) = along(from_z - 1e-6);
-        // A foot under a tip close to the plate has no room to widen.
-        let wide = if end_mm[2] <= 0.0 { thin } else { free_mm };
         self.space.is_clear(from, end_mm, [thin + (wide - thin) * t, wide])
     }
 
@@ -266,10 +267,10 @@ impl<'a> Site<'a> {
         self.space.is_clear(from_mm, to_mm, [self.rules.free_mm(); 2])
     }
 
-    /// Radius that there is room for, mm.
+    /// Radius that there is room for all along a way, mm.
     #[must_use]
-    pub fn room_mm(&self, at_mm: [f64; 3]) -> f64 {
-        self.space.away_mm(at_mm) - self.rules.clearance_mm
+    pub fn room_mm(&self, from_mm: [f64; 3], to_mm: [f64; 3]) -> f64 {
+        self.space.away_along_mm(from_mm, to_mm) - self.rules.clearance_mm
     }
 
     /// What a way costs for so many tips, the farthest of them `length_mm` above its

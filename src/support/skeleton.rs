@@ -202,7 +202,7 @@ impl<'a> Skeleton<'a> {
                 (None, None) => {}
             }
         }
-        forest.thicken(rules, |at| self.site.room_mm(at));
+        forest.thicken(rules, |from, to| self.site.room_mm(from, to));
         forest
     }
 }

@@ -154,34 +154,38 @@ impl Forest {
     }
 
     /// Sets loads, lengths and radii from the tips down: as thick as the rules ask for, but
-    /// no thicker than `room` (mm around a place) allows.
-    pub fn thicken(&mut self, rules: &Rules, room: impl Fn([f64; 3]) -> f64) {
+    /// no thicker than `room` (mm around the way between two places) allows above and below.
+    pub fn thicken(&mut self, rules: &Rules, room: impl Fn([f64; 3], [f64; 3]) -> f64) {
         for node in &mut self.nodes {
             (node.load, node.length_mm) = (u32::from(node.kind == Kind::Tip), 0.0);
         }
+        // Room around what comes from above.
+        let mut spare = vec![f64::INFINITY; self.nodes.len()];
         for k in self.downward() {
             let node = self.nodes[k as usize];
-            let stands_on = self.nodes.get(node.down as usize).map(|d| d.kind);
+            let down = self.nodes.get(node.down as usize).copied();
+            let below = room(node.at_mm, down.map_or(node.at_mm, |d| d.at_mm));
             if !node.fixed {
-                let wanted = match stands_on {
+                let wanted = match down.map(|d| d.kind) {
                     Some(Kind::Plate) => rules.trunk_radius_mm(node.load, node.length_mm),
                     _ => rules.radius_mm(node.load, node.length_mm),
                 };
                 let least = rules.branch_mm / 2.0;
-                self.nodes[k as usize].radius_mm = wanted.min(room(node.at_mm)).max(least);
+                self.nodes[k as usize].radius_mm = wanted.min(below).min(spare[k as usize]).max(least);
             }
             let radius_mm = self.nodes[k as usize].radius_mm;
-            if stands_on == Some(Kind::Plate) && node.kind == Kind::Joint {
-                // The foot's cone reaches up to where the trunk begins.
-                let around = room(self.nodes[node.down as usize].at_mm).min(room(node.at_mm));
-                let spare = around + rules.clearance_mm / 2.0;
-                let foot = &mut self.nodes[node.down as usize].radius_mm;
-                *foot = (rules.foot_mm / 2.0).min(spare).max(radius_mm);
-            }
             if let Some(down) = self.nodes.get_mut(node.down as usize) {
+                if down.kind == Kind::Plate && node.kind == Kind::Joint {
+                    // The foot's cone reaches up to where the trunk begins.
+                    let widest = below + rules.clearance_mm / 2.0;
+                    down.radius_mm = (rules.foot_mm / 2.0).min(widest).max(radius_mm);
+                }
                 down.load += node.load;
                 let length = node.length_mm + distance(node.at_mm, down.at_mm);
                 down.length_mm = down.length_mm.max(length);
+                let spare = &mut spare[node.down as usize];
+                // A head comes as close as it must.
+                *spare = if node.kind == Kind::Tip { *spare } else { spare.min(below) };
             }
         }
     }
