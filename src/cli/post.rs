@@ -56,8 +56,9 @@ pub(super) struct Args {
     ///
     /// `auto` needs no model: the job's own beads or images say what must be held. What the
     /// slicer has supported is held already, so that only what it forgot is added; `missing`
-    /// is another word for that. Nothing is reordered then.
-    #[arg(long, value_name = "auto", value_parser = ["auto", "missing"])]
+    /// is another word for that. `replace` takes the slicer's own supports out first (G-code
+    /// only). Nothing is reordered then.
+    #[arg(long, value_name = "HOW", value_parser = ["auto", "missing", "replace"])]
     supports: Option<String>,
     /// Write a result in which some places cannot be held; it should not be printed
     #[arg(long, requires = "supports")]

@@ -7,35 +7,27 @@
 //!
 //! # Layout
 //! ```text
-//! survey (heights, habits, flow; told by settings or beads) ─┐
+//! gcode::survey (heights, habits, flow) ────────────────────┐
 //! layers ──► plan (sections, clipped, as paths) ──► weave ───┴─► text
 //!                                                     └─ verify, from both texts
 //! ```
-//! `flow` is width and cross-section, `cross` which ways lead over supports, `pen` writes
-//! lines. Some layers are in memory at once: [`BATCH_BYTES`] of text, or the largest layer.
+//! `cross` tells which ways lead over supports. Some layers are in memory at once: [`BATCH_BYTES`] of text, or the largest layer.
 mod cross;
-mod flow;
-mod pen;
 mod plan;
 mod report;
-mod survey;
-mod told;
 mod verify;
 mod weave;
 
+use super::gcode::survey::{self, Survey};
+use super::gcode::{Failure, Refusal, of_damage, of_post, of_unfit, open};
 use crate::layers::shape::Region;
-use crate::post::annotate::{Layers, Unfit};
-use crate::post::container::{Container, Output, beginning, gcode};
+use crate::post::annotate::Layers;
+use crate::post::container::{Output, gcode};
 use crate::post::layer::Layer;
-use crate::post::{BEGINNING_BYTES, END_BYTES, not_for_us, read_at};
 use crate::support::section::Sections;
-use outrigger_gcode::bgcode::damage;
-use outrigger_gcode::dialect::{Detection, Dialect, detect};
 use rayon::prelude::*;
 pub use report::{Clipped, MergeReport};
 use std::io::{BufRead, Read, Seek, SeekFrom, Write};
-use survey::{Survey, Surveyor};
-use told::Told;
 pub use verify::{Difference, GROWN_MM, What};
 use verify::{Made, Verifier};
 use weave::Woven;
@@ -79,88 +71,6 @@ impl Default for Options {
     }
 }
 
-/// Why there is no result.
-#[derive(Debug, thiserror::Error)]
-pub enum Failure {
-    /// The input cannot be read.
-    #[error("cannot read: {0}")]
-    Read(#[source] std::io::Error),
-    /// The output cannot be written.
-    #[error("cannot write: {0}")]
-    Write(#[source] std::io::Error),
-    /// Supports cannot go into this job.
-    #[error(transparent)]
-    Refused(#[from] Refusal),
-    /// The result would not be what it should be.
-    #[error("the result would not be the same job with supports: {0}")]
-    Different(#[from] Difference),
-}
-
-/// Why supports cannot go into a job.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Refusal {
-    /// No G-code text that can be worked on.
-    #[error("{0}")]
-    Unfit(String),
-    /// Objects one after the other.
-    #[error(
-        "objects are printed one after the other (Z falls from {from_mm} to {to_mm} mm at layer {layer}): slice them to be printed together"
-    )]
-    OneByOne {
-        /// Number of the layer.
-        layer: u32,
-        /// Height before, mm.
-        from_mm: f64,
-        /// Height after, mm.
-        to_mm: f64,
-    },
-    /// Z rises all along.
-    #[error("this is a spiral vase, which has no layers to print supports in: slice it without")]
-    Spiral,
-    /// E counts volume.
-    #[error("E counts mm³ here (volumetric extrusion), and it must count mm of filament: slice it without")]
-    Volumetric,
-    /// Coordinates in inches.
-    #[error("this job is in inches (G20): slice it in millimetres")]
-    Inches,
-    /// More layers than any job has.
-    #[error("there are more layers than any print has")]
-    ManyLayers,
-    /// No layer with a bead of a part.
-    #[error("there is no part in this job: no layer mark with beads after it")]
-    NoPart,
-    /// No telling bead.
-    #[error("nothing in this job tells how much filament its beads take: it has no walls and no infill")]
-    NoFlow,
-    /// No travel.
-    #[error("this job has no travel to make others like it")]
-    NoTravel,
-    /// Nothing says what is printed.
-    #[error("layer {layer} does not say what is printed in it, so nothing could tell supports from the part")]
-    NoFeature {
-        /// Number of the layer.
-        layer: u32,
-    },
-    /// Relative coordinates, or another origin, where supports would go.
-    #[error("layer {layer} has relative coordinates (G91) or sets its origin anew (G92, G28)")]
-    Relative {
-        /// Number of the layer.
-        layer: u32,
-    },
-    /// Too thick a layer.
-    #[error(
-        "the job prints nothing between Z {from_mm} and {to_mm} mm (layer {layer}), where supports would have to grow"
-    )]
-    Gap {
-        /// Number of the layer.
-        layer: u32,
-        /// Top of the last layer, mm.
-        from_mm: f64,
-        /// Top of this one, mm.
-        to_mm: f64,
-    },
-}
-
 /// Puts supports into a job, text or binary G-code.
 ///
 /// Heights are the file's own Z. On any failure what was written must not be used: the
@@ -176,12 +86,7 @@ pub fn into_gcode(
     options: &Options,
     progress: &dyn Fn(u32, u32),
 ) -> Result<MergeReport, Failure> {
-    match merge(input, output, sections, options, progress) {
-        Err(Failure::Read(error) | Failure::Write(error)) if damage(&error).is_some() => {
-            Err(Refusal::Unfit(error.to_string()).into())
-        }
-        done => done,
-    }
+    merge(input, output, sections, options, progress).map_err(of_damage)
 }
 
 fn merge(
@@ -191,72 +96,13 @@ fn merge(
     options: &Options,
     progress: &dyn Fn(u32, u32),
 ) -> Result<MergeReport, Failure> {
-    let container = Container::of(input).map_err(Failure::Read)?;
-    if let Some(reason) = container.refusal() {
-        return Err(Refusal::Unfit(reason.to_owned()).into());
-    }
-    let start = beginning(input, BEGINNING_BYTES).map_err(Failure::Read)?;
-    if let Some(reason) = not_for_us(&start) {
-        return Err(Refusal::Unfit(reason).into());
-    }
-    let dialect = known(&start)?;
-    let survey = survey(input, container, &start, dialect)?;
+    let (container, survey) = open(input)?;
     let made = container.begin(input, &mut *output).map_err(of_post)?;
     input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
     let job = Job { survey: &survey, sections, options };
     let report = job.run(gcode(&mut *input), made, progress)?;
     container.end(input, output).map_err(of_post)?;
     Ok(report)
-}
-
-fn of_post(failure: crate::post::Failure) -> Failure {
-    match failure {
-        crate::post::Failure::Read(error) => Failure::Read(error),
-        crate::post::Failure::Write(error) => Failure::Write(error),
-    }
-}
-
-fn of_unfit(unfit: Unfit) -> Failure {
-    match unfit {
-        Unfit::Read { source, .. } => Failure::Read(source),
-        unfit => Refusal::Unfit(unfit.to_string()).into(),
-    }
-}
-
-fn known(start: &[u8]) -> Result<Dialect, Refusal> {
-    match detect(start) {
-        Detection::One(dialect) => Ok(dialect),
-        Detection::Mixed(a, b) => Err(Refusal::Unfit(format!(
-            "layers are marked as {} and as {} do: mixed dialects",
-            a.name(),
-            b.name()
-        ))),
-        Detection::Unknown => Err(Refusal::Unfit("no slicer's layer comments that are known".to_owned())),
-    }
-}
-
-/// Reads the whole job once, before anything is written.
-fn survey(
-    input: &mut (impl Read + Seek),
-    container: Container,
-    start: &[u8],
-    dialect: Dialect,
-) -> Result<Survey, Failure> {
-    let mut told = Told::default();
-    told.read(start);
-    if let Container::Text = container {
-        let length = input.seek(SeekFrom::End(0)).map_err(Failure::Read)?;
-        let end = read_at(input, length.saturating_sub(END_BYTES), END_BYTES).map_err(Failure::Read)?;
-        let whole = memchr::memchr(b'\n', &end).map_or(end.len(), |at| at + 1);
-        told.read(&end[whole.min(end.len())..]);
-    }
-    let mut surveyor = Surveyor::new(dialect, told)?;
-    input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
-    let mut layers = Layers::new(gcode(input), dialect).without_covers();
-    while let Some(layer) = layers.next_layer().map_err(of_unfit)? {
-        surveyor.layer(&layer)?;
-    }
-    Ok(surveyor.finish()?)
 }
 
 /// A layer on its way: read, planned, woven, written.

@@ -38,6 +38,8 @@ pub struct Report {
     pub length_mm: f64,
     /// What is printed of them: the area of each layer's section times its height, mm³.
     pub volume_mm3: f64,
+    /// What the slicer's own supports took that were replaced, mm³.
+    pub replaced_mm3: f64,
     /// What cannot be held.
     pub unroutable: Vec<Place>,
     /// Unheld pieces smaller than a tip, which print as what holds itself does: their number
@@ -116,6 +118,9 @@ impl Report {
             self.tips, self.tips_at_least, self.junctions, self.trunks_on_plate, self.landings_on_model
         );
         let _ = writeln!(out, "{:.0} mm of branches, {:.2} cm³", self.length_mm, self.volume_mm3 / 1e3);
+        if self.replaced_mm3 > 0.0 {
+            let _ = writeln!(out, "in place of the slicer's own, {:.2} cm³", self.replaced_mm3 / 1e3);
+        }
         if !self.unroutable.is_empty() {
             let _ = writeln!(out, "\n{} places cannot be held:", self.unroutable.len());
         }

@@ -61,6 +61,7 @@ pub(super) fn unfit(args: &Args) -> Option<String> {
         ("--first-layer", args.first_layer),
         ("--picture", args.picture.is_some()),
         ("--profile", args.profile.is_some()),
+        ("--supports replace", args.supports.as_deref() == Some("replace")),
     ];
     if let Some((name, _)) = given.into_iter().find(|(_, given)| *given) {
         return Some(format!("{name} is for G-code; {file} is a resin job"));

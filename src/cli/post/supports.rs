@@ -1,7 +1,8 @@
-//! `outrigger post --supports auto`: supports under what a sliced job would print in the air.
+//! `outrigger post --supports`: supports under what a sliced job would print in the air.
 //!
 //! The demand comes from the job itself, its beads or its images; no model is needed. What
-//! the slicer has already supported is held. The result is read anew and looked at with
+//! the slicer has already supported is held, unless its supports are to be replaced: then
+//! they are taken out first, into a file that has no name. The result is read anew and looked at with
 //! the same detectors before it takes the job's place.
 use super::resin::{is_resin, named, open, written};
 use super::{Args, forgive, write_report};
@@ -15,6 +16,7 @@ use crate::layers::shape::{Bounds, Point};
 use crate::layers::stack::Layers;
 use crate::merge::into_gcode::{Options, into_gcode};
 use crate::merge::into_images::Drawn;
+use crate::merge::out_of_gcode::out_of_gcode;
 use crate::merge::together::Together;
 use crate::report::support::Report;
 use crate::support::cut::Cuts;
@@ -106,10 +108,28 @@ fn planned(args: &Args, seen: &Look, rules: &Rules, report: &mut Report) -> anyh
             first.reason
         );
     }
-    if made.forest.nodes.is_empty() {
-        bail!(Nothing);
-    }
     Ok(made)
+}
+
+/// The job without the slicer's own supports, beside where the result will be.
+fn without_supports(args: &Args, mut job: File, target: &Path, report: &mut Report) -> anyhow::Result<File> {
+    let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut bare =
+        tempfile::tempfile_in(folder).with_context(|| format!("cannot write in {}", folder.display()))?;
+    let bar = progress::layers(None, args.quiet);
+    let mut out = BufWriter::with_capacity(BUFFER_BYTES, &mut bare);
+    let taken = out_of_gcode(&mut job, &mut out, &|done, count| {
+        bar.set_length(count.into());
+        bar.set_position(done.into());
+    })?;
+    out.flush().with_context(|| format!("cannot write in {}", folder.display()))?;
+    drop(out);
+    bar.finish_and_clear();
+    report.replaced_mm3 = taken.volume_mm3;
+    if taken.beads == 0 {
+        report.warnings.push("the slicer put no supports into this job that could be replaced".to_owned());
+    }
+    Ok(bare)
 }
 
 fn holds(proof: &Proof, report: &mut Report, began: Instant) -> anyhow::Result<()> {
@@ -128,11 +148,16 @@ fn beads(file: &File) -> anyhow::Result<BeadLayers> {
 
 fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyhow::Result<()> {
     let seen_as = Seen::of(file)?;
+    let target = args.output.as_deref().unwrap_or(path);
+    let replaces = args.supports.as_deref() == Some("replace");
     let mut input = file.try_clone().context("cannot read the file")?;
     let filament = material::of_gcode(&mut input).context("cannot read the file")?;
     let own = own_rules(args, filament.unwrap_or("pla"), Process::Filament, report)?;
     let began = Instant::now();
-    let mut layers = beads(file)?;
+    if replaces {
+        input = without_supports(args, input, target, report)?;
+    }
+    let mut layers = beads(&input)?;
     ensure!(!layers.facts().spiral, "this is a spiral vase, which has no layers to print supports in");
     ensure!(
         layers.facts().features_told,
@@ -149,7 +174,9 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
     let made = planned(args, &seen, &rules, report)?;
     drop(seen);
     let cuts = Cuts::new(&made.forest, INTERFACE_LAYERS * report.layer_mm);
-    let target = args.output.as_deref().unwrap_or(path);
+    if made.forest.nodes.is_empty() && report.replaced_mm3 == 0.0 {
+        bail!(Nothing);
+    }
     let mut replacement = Replacement::beside(target)?;
     let bar = progress::layers(layers.count(), args.quiet);
     let mut out = BufWriter::with_capacity(BUFFER_BYTES, replacement.file());
@@ -193,6 +220,9 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     report.seconds.look = began.elapsed().as_secs_f64();
     let made = planned(args, &seen, &rules, report)?;
     drop(seen);
+    if made.forest.nodes.is_empty() {
+        bail!(Nothing);
+    }
     let cuts = Cuts::new(&made.forest, 0.0);
     let heights: Vec<_> = layers.iter().map(|l| [l.top_mm - l.height_mm, l.top_mm]).collect();
     report.volume_mm3 = cuts.volume_mm3(&heights);

@@ -3,12 +3,12 @@
 //!
 //! Takes a layer and the planned section, gives a [`Plan`]. Knows no G-code text.
 use super::cross::{Boxes, Shadow, to_segment_mm};
-use super::flow::Shape;
 use super::report::Clipped;
-use super::survey::Survey;
 use super::{Options, Refusal};
 use crate::layers::polygon::{difference, intersection, sweep};
 use crate::layers::shape::{Bounds, Point as Grid, Region, UNITS_PER_MM};
+use crate::merge::gcode::flow::Shape;
+use crate::merge::gcode::survey::Survey;
 use crate::post::layer::{Layer, What};
 use crate::support::section::{Section, Sections};
 use crate::toolpath::bead::{Bead, Ends, LiftRule, Point, distance_mm};

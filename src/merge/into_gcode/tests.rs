@@ -3,6 +3,7 @@ use crate::layers::from_gcode::{self, Facts};
 use crate::layers::polygon::{difference, grow, stroke, union_all};
 use crate::layers::shape::Point as Grid;
 use crate::layers::stack::{Layer as Slab, Layers as _};
+use crate::merge::gcode::corpus;
 use crate::support::section::Section;
 use outrigger_gcode::line::{parse, split_lines};
 use outrigger_gcode::state::{Effect, Kind, Machine};
@@ -53,10 +54,6 @@ fn around_the_bench() -> Columns {
     between.interface_mm = 0.5;
     let cone = Column { at: [110.0, 85.0], radii_mm: [4.0, 0.3], top_mm: 4.5, interface_mm: 0.0 };
     Columns(vec![column(85.0, 110.0, 2.0, 4.5), column(136.0, 112.0, 0.9, 4.5), cone, between])
-}
-
-pub(super) fn corpus(name: &str) -> Vec<u8> {
-    std::fs::read(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("gcode/corpus").join(name)).unwrap()
 }
 
 fn merged(

@@ -19,25 +19,19 @@
 //! - no travel of the file leads over new beads at their height
 use super::Options;
 use super::cross::distance_mm as between_mm;
-use super::flow::Shape;
 use super::plan::Plan;
-use super::survey::Survey;
 use crate::layers::shape::{Place, Point as Grid, Polygon, ring_edges};
+use crate::merge::gcode::flow::Shape;
+use crate::merge::gcode::side::{PULLED_MM, Side, UNIT_MM};
+use crate::merge::gcode::survey::Survey;
 use crate::toolpath::bead::{Point, distance_mm};
 use outrigger_gcode::dialect::{Dialect, Feature, Mark};
-use outrigger_gcode::line::{Command, Line, parse, split_lines};
+use outrigger_gcode::line::{Command, parse, split_lines};
 use outrigger_gcode::state::{Effect, Kind, Machine, Move};
 use std::ops::Range;
 
 /// Beads may lie beyond the planned section by so much, mm: roundings of the grid and of arcs.
 pub const GROWN_MM: f64 = 0.03;
-
-/// Lengths that differ by less are the same, mm.
-const UNIT_MM: f64 = 1e-6;
-
-/// Filament pulled back by less is pushed again but for rounding: a slicer's wipes are sums
-/// of rounded numbers, mm.
-const PULLED_MM: f64 = 0.01;
 
 /// Points looked at along a bead lie this near to each other, mm.
 const STEP_MM: f64 = 0.5;
@@ -108,47 +102,6 @@ pub(super) struct Made<'a> {
     pub(super) text: &'a [u8],
     pub(super) added: &'a [Range<usize>],
     pub(super) plan: &'a Plan,
-}
-
-/// What is in force beside the machine.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Context {
-    feature: Feature,
-    width_mm: f64,
-    height_mm: f64,
-}
-
-/// One of the two texts.
-struct Side {
-    machine: Machine,
-    context: Context,
-    /// Filament pulled back, mm; since the last bead.
-    depth_mm: f64,
-    deepest_mm: f64,
-    fastest: f64,
-}
-
-impl Side {
-    fn new() -> Side {
-        let context = Context { feature: Feature::Unknown, width_mm: 0.0, height_mm: 0.0 };
-        Side { machine: Machine::default(), context, depth_mm: 0.0, deepest_mm: 0.0, fastest: 0.0 }
-    }
-
-    fn read(&mut self, line: &Line<'_>, dialect: Dialect) -> Effect {
-        match dialect.mark(line) {
-            Some(Mark::Feature(feature) | Mark::Inline(feature)) => self.context.feature = feature,
-            Some(Mark::Width(mm)) => self.context.width_mm = mm,
-            Some(Mark::Height(mm)) => self.context.height_mm = mm,
-            _ => {}
-        }
-        let effect = self.machine.apply(line);
-        if let Effect::Motion(m) = effect {
-            self.depth_mm = if m.kind() == Kind::Deposit { 0.0 } else { (self.depth_mm - m.e).max(0.0) };
-            self.deepest_mm = self.deepest_mm.max(self.depth_mm);
-            self.fastest = self.fastest.max(m.feed);
-        }
-        effect
-    }
 }
 
 /// A bead, and whether it is the part's.

@@ -9,10 +9,10 @@
 use super::Options;
 use super::Refusal;
 use super::cross::Shadow;
-use super::flow::Shape;
-use super::pen::{At, Pen};
 use super::plan::{Plan, free_mm};
-use super::survey::Survey;
+use crate::merge::gcode::flow::Shape;
+use crate::merge::gcode::pen::{At, Pen};
+use crate::merge::gcode::survey::Survey;
 use crate::post::layer::{Channel, Layer, Modes, Row, What};
 use crate::post::measure::RETRACTED_MM;
 use crate::toolpath::bead::{Point, distance_mm};

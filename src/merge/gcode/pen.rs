@@ -19,30 +19,30 @@ const FEED: Format = Format { decimals: 6, bare_point: false };
 
 /// Where the machine is, as far as lines depend on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct At {
-    pub(super) position: [f64; 3],
+pub(in crate::merge) struct At {
+    pub(in crate::merge) position: [f64; 3],
     /// Machine coordinate = the file's + offset, mm.
-    pub(super) offset: [f64; 3],
-    pub(super) e: f64,
-    pub(super) absolute_e: bool,
-    pub(super) feed: f64,
+    pub(in crate::merge) offset: [f64; 3],
+    pub(in crate::merge) e: f64,
+    pub(in crate::merge) absolute_e: bool,
+    pub(in crate::merge) feed: f64,
 }
 
 /// See the module.
-pub(super) struct Pen<'a> {
+pub(in crate::merge) struct Pen<'a> {
     survey: &'a Survey,
     style: Style,
-    pub(super) out: Vec<u8>,
-    pub(super) at: At,
+    pub(in crate::merge) out: Vec<u8>,
+    pub(in crate::merge) at: At,
     /// Filament due that no line has pushed yet, mm.
     owed: f64,
     pulled: bool,
-    pub(super) lifts: u64,
-    pub(super) pushed_mm: f64,
+    pub(in crate::merge) lifts: u64,
+    pub(in crate::merge) pushed_mm: f64,
 }
 
 impl<'a> Pen<'a> {
-    pub(super) fn new(survey: &'a Survey, style: Style, at: At) -> Pen<'a> {
+    pub(in crate::merge) fn new(survey: &'a Survey, style: Style, at: At) -> Pen<'a> {
         Pen { survey, style, out: Vec::new(), at, owed: 0.0, pulled: false, lifts: 0, pushed_mm: 0.0 }
     }
 
@@ -97,13 +97,13 @@ impl<'a> Pen<'a> {
     }
 
     /// A line of its own, without its ending.
-    pub(super) fn text(&mut self, text: &[u8]) {
+    pub(in crate::merge) fn text(&mut self, text: &[u8]) {
         self.out.extend_from_slice(text);
         self.end();
     }
 
     /// Sets the feed rate where it differs.
-    pub(super) fn feed(&mut self, feed: f64) {
+    pub(in crate::merge) fn feed(&mut self, feed: f64) {
         if feed > 0.0 && feed != self.at.feed {
             self.out.extend_from_slice(b"G1");
             self.feed_word(feed);
@@ -112,7 +112,7 @@ impl<'a> Pen<'a> {
     }
 
     /// Straight up or down.
-    pub(super) fn rise(&mut self, z: f64) {
+    pub(in crate::merge) fn rise(&mut self, z: f64) {
         self.out.extend_from_slice(b"G1");
         self.axis(2, z);
         self.feed_word(self.survey.z_feed);
@@ -120,7 +120,7 @@ impl<'a> Pen<'a> {
     }
 
     /// A travel at the height where the nozzle is.
-    pub(super) fn go(&mut self, to: Point) {
+    pub(in crate::merge) fn go(&mut self, to: Point) {
         self.out.extend_from_slice(&self.survey.travel_head);
         self.axis(0, to[0]);
         self.axis(1, to[1]);
@@ -128,7 +128,8 @@ impl<'a> Pen<'a> {
         self.end();
     }
 
-    fn filament(&mut self, e: f64, feed: f64) {
+    /// Filament alone, mm; negative: pulled back.
+    pub(in crate::merge) fn filament(&mut self, e: f64, feed: f64) {
         self.out.extend_from_slice(b"G1");
         self.e_word(e);
         self.feed_word(feed);
@@ -136,7 +137,7 @@ impl<'a> Pen<'a> {
     }
 
     /// Pulls the filament back as the file does, all of it where the nozzle stands.
-    pub(super) fn pull(&mut self) {
+    pub(in crate::merge) fn pull(&mut self) {
         let Some(retraction) = &self.survey.retraction else { return };
         let depth = retraction.depth_mm();
         if depth > 0.0 {
@@ -151,7 +152,7 @@ impl<'a> Pen<'a> {
     }
 
     /// Pushes it again.
-    pub(super) fn push(&mut self) {
+    pub(in crate::merge) fn push(&mut self) {
         let (Some(retraction), true) = (&self.survey.retraction, self.pulled) else { return };
         self.pulled = false;
         if let Some([_, unretract]) = &retraction.firmware {
@@ -165,7 +166,7 @@ impl<'a> Pen<'a> {
     }
 
     /// Pulled back, up, over, down, pushed again.
-    pub(super) fn lift(&mut self, to: Point) {
+    pub(in crate::merge) fn lift(&mut self, to: Point) {
         let z = self.at.position[2];
         self.lifts += 1;
         self.pull();
@@ -177,7 +178,7 @@ impl<'a> Pen<'a> {
 
     /// A bead to a point, of a cross-section in mm², with a comment at its end where the
     /// dialect wants one.
-    pub(super) fn bead(&mut self, to: Point, area_mm2: f64, comment: &[u8]) {
+    pub(in crate::merge) fn bead(&mut self, to: Point, area_mm2: f64, comment: &[u8]) {
         let to = [self.rounded(0, to[0]), self.rounded(1, to[1])];
         let way = distance_mm([self.at.position[0], self.at.position[1]], to);
         if way == 0.0 {
@@ -195,7 +196,7 @@ impl<'a> Pen<'a> {
     }
 
     /// Gives E the value that it had.
-    pub(super) fn restore_e(&mut self, e: f64) {
+    pub(in crate::merge) fn restore_e(&mut self, e: f64) {
         if self.at.absolute_e && self.at.e != e {
             self.out.extend_from_slice(b"G92");
             self.word(b'E', e, self.format(true));

@@ -6,26 +6,26 @@ use outrigger_gcode::line::{parse, split_lines};
 
 /// Settings, as far as the file has them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Told {
+pub(in crate::merge) struct Told {
     /// The slicer raised Z all along.
-    pub(super) spiral: bool,
+    pub(in crate::merge) spiral: bool,
     /// E counts mm³.
-    pub(super) volumetric: bool,
+    pub(in crate::merge) volumetric: bool,
     /// Of the first filament, mm.
-    pub(super) filament_mm: Option<f64>,
+    pub(in crate::merge) filament_mm: Option<f64>,
     /// Extrusion multiplier.
-    pub(super) multiplier: Option<f64>,
+    pub(in crate::merge) multiplier: Option<f64>,
     /// Speed of supports, mm/s.
-    pub(super) support_mm_s: Option<f64>,
+    pub(in crate::merge) support_mm_s: Option<f64>,
     /// Speed of their interface, mm/s.
-    pub(super) interface_mm_s: Option<f64>,
+    pub(in crate::merge) interface_mm_s: Option<f64>,
     /// The plate, or nothing.
-    pub(super) bed: Region,
+    pub(in crate::merge) bed: Region,
 }
 
 impl Told {
     /// Reads the settings in a stretch of the file (its beginning or its end).
-    pub(super) fn read(&mut self, text: &[u8]) {
+    pub(in crate::merge) fn read(&mut self, text: &[u8]) {
         for bytes in split_lines(text) {
             if !bytes.trim_ascii_start().starts_with(b";") {
                 continue;

@@ -7,18 +7,18 @@ use std::f64::consts::FRAC_PI_4;
 
 /// What a slicer takes beads for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(in crate::merge) enum Shape {
     Rounded,
     Rectangle,
 }
 
 impl Shape {
-    pub(super) fn of(dialect: Dialect) -> Shape {
+    pub(in crate::merge) fn of(dialect: Dialect) -> Shape {
         if dialect == Dialect::Cura { Shape::Rectangle } else { Shape::Rounded }
     }
 
     /// Cross-section of a bead, mm².
-    pub(super) fn area_mm2(self, width_mm: f64, height_mm: f64) -> f64 {
+    pub(in crate::merge) fn area_mm2(self, width_mm: f64, height_mm: f64) -> f64 {
         match self {
             Shape::Rectangle => width_mm * height_mm,
             Shape::Rounded if width_mm > height_mm => {
@@ -30,7 +30,7 @@ impl Shape {
     }
 
     /// Width of a bead, mm.
-    pub(super) fn width_mm(self, area_mm2: f64, height_mm: f64) -> f64 {
+    pub(in crate::merge) fn width_mm(self, area_mm2: f64, height_mm: f64) -> f64 {
         let thread = (area_mm2 / FRAC_PI_4).max(0.0).sqrt();
         match self {
             Shape::Rectangle => area_mm2 / height_mm,

@@ -45,42 +45,42 @@ const USUAL_HOP_MM: f64 = 0.4;
 
 /// A bead of the start macro.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Purge {
-    pub(super) ends: [Point; 2],
+pub(in crate::merge) struct Purge {
+    pub(in crate::merge) ends: [Point; 2],
     /// Height of the nozzle, mm.
-    pub(super) z_mm: f64,
+    pub(in crate::merge) z_mm: f64,
 }
 
 /// What was learned.
 #[derive(Clone, Debug)]
-pub(super) struct Survey {
-    pub(super) dialect: Dialect,
+pub(in crate::merge) struct Survey {
+    pub(in crate::merge) dialect: Dialect,
     /// For each layer by its number: between which heights supports are printed in it, mm.
-    pub(super) slices: Vec<Option<[f64; 2]>>,
+    pub(in crate::merge) slices: Vec<Option<[f64; 2]>>,
     /// Where the lowest begins, mm.
-    pub(super) ground_mm: f64,
+    pub(in crate::merge) ground_mm: f64,
     /// Filament for a mm³, mm.
-    pub(super) e_per_mm3: f64,
+    pub(in crate::merge) e_per_mm3: f64,
     /// Of the diameter that the file tells or makes likely, mm².
-    pub(super) filament_mm2: f64,
-    pub(super) width_mm: f64,
+    pub(in crate::merge) filament_mm2: f64,
+    pub(in crate::merge) width_mm: f64,
     /// Of bodies and interfaces, mm/min.
-    pub(super) feeds: [f64; 2],
+    pub(in crate::merge) feeds: [f64; 2],
     /// Of the part in the first layer, mm/min.
-    pub(super) first_feed: f64,
-    pub(super) travel_feed: f64,
-    pub(super) z_feed: f64,
+    pub(in crate::merge) first_feed: f64,
+    pub(in crate::merge) travel_feed: f64,
+    pub(in crate::merge) z_feed: f64,
     /// `G0` or `G1`.
-    pub(super) travel_head: Vec<u8>,
-    pub(super) retraction: Option<Retraction>,
-    pub(super) hop_mm: f64,
-    pub(super) bed: crate::layers::shape::Region,
-    pub(super) purge: Vec<Purge>,
+    pub(in crate::merge) travel_head: Vec<u8>,
+    pub(in crate::merge) retraction: Option<Retraction>,
+    pub(in crate::merge) hop_mm: f64,
+    pub(in crate::merge) bed: crate::layers::shape::Region,
+    pub(in crate::merge) purge: Vec<Purge>,
 }
 
 /// The row before which supports are printed: the first bead that is neither tower nor
 /// skirt nor macro, else of the skirt. `None`: no place for them in this layer.
-pub(super) fn entry(layer: &Layer) -> Option<usize> {
+pub(in crate::merge) fn entry(layer: &Layer) -> Option<usize> {
     if layer.number == 0 {
         return None;
     }
@@ -120,7 +120,7 @@ impl Middle {
 }
 
 /// Looks at layer after layer.
-pub(super) struct Surveyor {
+pub(in crate::merge) struct Surveyor {
     dialect: Dialect,
     told: Told,
     /// Height at which supports are entered, by layer.
@@ -145,7 +145,7 @@ pub(super) struct Surveyor {
 }
 
 impl Surveyor {
-    pub(super) fn new(dialect: Dialect, told: Told) -> Result<Surveyor, Refusal> {
+    pub(in crate::merge) fn new(dialect: Dialect, told: Told) -> Result<Surveyor, Refusal> {
         if told.spiral {
             return Err(Refusal::Spiral);
         }
@@ -176,7 +176,7 @@ impl Surveyor {
 
     /// # Errors
     /// What makes the job one that supports cannot go into.
-    pub(super) fn layer(&mut self, layer: &Layer) -> Result<(), Refusal> {
+    pub(in crate::merge) fn layer(&mut self, layer: &Layer) -> Result<(), Refusal> {
         self.refuse_units(layer)?;
         if layer.number as usize >= MAX_LAYERS {
             return Err(Refusal::ManyLayers);
@@ -302,7 +302,7 @@ impl Surveyor {
 
     /// # Errors
     /// There is nothing to put supports to, or nothing tells how.
-    pub(super) fn finish(self) -> Result<Survey, Refusal> {
+    pub(in crate::merge) fn finish(self) -> Result<Survey, Refusal> {
         if self.highest == f64::NEG_INFINITY {
             return Err(Refusal::NoPart);
         }
@@ -395,7 +395,7 @@ mod tests {
     }
 
     fn corpus(name: &str) -> String {
-        String::from_utf8(super::super::tests::corpus(name)).unwrap()
+        String::from_utf8(super::super::corpus(name)).unwrap()
     }
 
     #[test]

@@ -1,0 +1,2 @@
+use super::super::gcode::corpus;
+use super::*;
