@@ -197,8 +197,3 @@ fn survey(
     }
     Ok(surveyor.finish()?)
 }
-
-#[cfg(test)]
-pub(super) fn corpus(name: &str) -> Vec<u8> {
-    std::fs::read(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("gcode/corpus").join(name)).unwrap()
-}

@@ -14,4 +14,6 @@ pub mod into_gcode;
 pub mod into_images;
 pub mod into_mesh;
 pub mod out_of_gcode;
+#[cfg(test)]
+mod testing;
 pub mod together;

@@ -395,7 +395,7 @@ mod tests {
     }
 
     fn corpus(name: &str) -> String {
-        String::from_utf8(super::super::corpus(name)).unwrap()
+        String::from_utf8(crate::merge::testing::corpus(name)).unwrap()
     }
 
     #[test]

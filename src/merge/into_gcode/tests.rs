@@ -1,70 +1,16 @@
 use super::*;
 use crate::layers::from_gcode::{self, Facts};
-use crate::layers::polygon::{difference, grow, stroke, union_all};
-use crate::layers::shape::Point as Grid;
+use crate::layers::polygon::{difference, grow, union_all};
 use crate::layers::stack::{Layer as Slab, Layers as _};
-use crate::merge::gcode::corpus;
+use crate::merge::gcode::survey::Surveyor;
+use crate::merge::gcode::told::Told;
+use crate::merge::testing::{
+    Column, Columns, OwnBead, around_the_bench, column, corpus, merged, part_beads, plain,
+};
 use crate::support::section::Section;
+use outrigger_gcode::dialect::Dialect;
 use outrigger_gcode::line::{parse, split_lines};
 use outrigger_gcode::state::{Effect, Kind, Machine};
-use std::io::Cursor;
-
-/// A round column, or a cone: place, radius at the plate and at the top, mm.
-#[derive(Clone, Copy)]
-struct Column {
-    at: [f64; 2],
-    radii_mm: [f64; 2],
-    top_mm: f64,
-    /// How much of it is interface, from the top.
-    interface_mm: f64,
-}
-
-fn column(x: f64, y: f64, radius: f64, top_mm: f64) -> Column {
-    Column { at: [x, y], radii_mm: [radius; 2], top_mm, interface_mm: 0.0 }
-}
-
-struct Columns(Vec<Column>);
-
-impl Sections for Columns {
-    fn top_mm(&self) -> f64 {
-        self.0.iter().map(|c| c.top_mm).fold(0.0, f64::max)
-    }
-
-    fn section(&self, bottom_mm: f64, top_mm: f64) -> Section {
-        let middle = f64::midpoint(bottom_mm, top_mm);
-        let discs = |interface: bool| {
-            let own = self.0.iter().filter(|c| middle < c.top_mm);
-            let own = own.filter(|c| (middle > c.top_mm - c.interface_mm) == interface);
-            let discs: Vec<Region> = own
-                .map(|c| {
-                    let t = middle / c.top_mm;
-                    let radius = c.radii_mm[0] + t * (c.radii_mm[1] - c.radii_mm[0]);
-                    stroke(&[vec![Grid::from_mm(c.at[0], c.at[1])]], radius)
-                })
-                .collect();
-            union_all(&discs)
-        };
-        Section { body: discs(false), interface: discs(true) }
-    }
-}
-
-/// Two columns beside the bench, a cone with an interface, and a column between its feet.
-fn around_the_bench() -> Columns {
-    let mut between = column(110.0, 110.0, 1.5, 2.5);
-    between.interface_mm = 0.5;
-    let cone = Column { at: [110.0, 85.0], radii_mm: [4.0, 0.3], top_mm: 4.5, interface_mm: 0.0 };
-    Columns(vec![column(85.0, 110.0, 2.0, 4.5), column(136.0, 112.0, 0.9, 4.5), cone, between])
-}
-
-fn merged(
-    input: &[u8],
-    sections: &dyn Sections,
-    options: &Options,
-) -> Result<(Vec<u8>, MergeReport), Failure> {
-    let mut output = Vec::new();
-    let report = into_gcode(&mut Cursor::new(input), &mut output, sections, options, &|_, _| {})?;
-    Ok((output, report))
-}
 
 fn slabs(text: &[u8]) -> (Vec<Slab>, Facts) {
     let mut layers =
@@ -74,29 +20,6 @@ fn slabs(text: &[u8]) -> (Vec<Slab>, Facts) {
         all.extend(batch);
     }
     (all, layers.facts().clone())
-}
-
-/// From, to, filament, feed rate.
-type OwnBead = ([f64; 3], [f64; 3], f64, f64);
-
-/// Moves of the part and what they push, by a reader of its own; and all pushing, mm.
-fn part_beads(text: &[u8]) -> (Vec<OwnBead>, f64) {
-    let mut machine = Machine::default();
-    let (mut beads, mut all, mut support) = (Vec::new(), 0.0, false);
-    for bytes in split_lines(text) {
-        let line = parse(bytes);
-        let comment = String::from_utf8_lossy(line.comment).to_lowercase();
-        if comment.starts_with(";type:") || comment.starts_with("; feature:") {
-            support = comment.contains("support");
-        }
-        if let Effect::Motion(m) = machine.apply(&line) {
-            all += m.e;
-            if m.kind() == Kind::Deposit && !support && !comment.contains("support material") {
-                beads.push((m.from, m.to, m.e, m.feed));
-            }
-        }
-    }
-    (beads, all)
 }
 
 /// The supports appear where they were planned, the part is what it was, and the filament adds up.
@@ -159,12 +82,6 @@ fn check(name: &str) {
     );
     assert_eq!(report.clipped_by_part.layers, 0, "{name}: {:?}", report.clipped_by_part);
     assert_eq!(report.missing_top_mm, 0.0, "{name}");
-}
-
-fn plain(job: &[u8]) -> Vec<u8> {
-    let mut text = Vec::new();
-    std::io::Read::read_to_end(&mut outrigger_gcode::bgcode::bare_text(job), &mut text).unwrap();
-    text
 }
 
 #[test]

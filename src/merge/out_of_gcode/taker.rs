@@ -137,6 +137,7 @@ impl<'a> Taker<'a> {
                         self.refuse_raft(m.to[2])?;
                     }
                     self.come_to()?;
+                    self.say_again();
                     self.say(text);
                 }
                 // These find the nozzle where the file has it.
@@ -226,7 +227,8 @@ impl<'a> Taker<'a> {
             if k >= way && first {
                 self.gap.get_or_insert_with(|| start.clone());
             }
-            if !held.moves() || first && k < way {
+            // What is said of supports is not said.
+            if held.says.is_none() && (!held.moves() || first && k < way) {
                 self.keep(held);
             }
         }
@@ -256,6 +258,11 @@ impl<'a> Taker<'a> {
             self.close(&from, &to)?;
         }
         self.gap = None;
+        Ok(())
+    }
+
+    /// Says of the next bead what the result has not said yet.
+    fn say_again(&mut self) {
         for k in 0..SAID {
             if self.said[0][k] != self.said[1][k] {
                 let text = self.said[0][k].clone();
@@ -264,7 +271,6 @@ impl<'a> Taker<'a> {
                 self.said[1][k] = text;
             }
         }
-        Ok(())
     }
 
     /// The way from where the supports were left to where the file goes on.

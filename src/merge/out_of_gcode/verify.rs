@@ -146,8 +146,7 @@ impl Verifier {
             let m = &side.machine;
             (m.absolute, m.e_is_absolute(), m.inches, m.tool, m.offset)
         };
-        let e = !a.machine.e_is_absolute() || (a.machine.e - b.machine.e).abs() < UNIT_MM;
-        if !same(stand(a), stand(b)) || modes(a) != modes(b) || !e {
+        if !same(stand(a), stand(b)) || modes(a) != modes(b) {
             return fails(What::End);
         }
         Ok(())
