@@ -50,7 +50,7 @@ const ONLY: &[(&str, &[&str])] = &[
             "src/printer/",
             "src/profile",
             "src/layers/from_gcode/tests.rs",
-            "src/merge/into_gcode/tests.rs",
+            "src/merge/testing.rs",
         ],
     ),
     ("std::time::Instant", &["src/cli/", "src/printer/port.rs", "src/printer/mock/"]),
