@@ -2,9 +2,9 @@
 //! itself, why it may be refused.
 //!
 //! # Layout
-//! - `told`: what its settings say; [`survey`]: heights, habits and flow, from all its beads
-//! - [`flow`]: width and cross-section of beads; [`pen`]: writes lines as the file does
-//! - [`side`]: reads a text as its proof does
+//! - `told`: what its settings say; `survey`: heights, habits and flow, from all its beads
+//! - `flow`: width and cross-section of beads; `pen`: writes lines as the file does
+//! - `side`: reads a text as its proof does
 pub(super) mod flow;
 pub(super) mod pen;
 pub(super) mod side;
