@@ -122,6 +122,19 @@ impl Seen {
     }
 }
 
+fn folder(target: &Path) -> &Path {
+    target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A file beside `target` that has no name and is gone with its handle.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub(super) fn unnamed_beside(target: &Path) -> anyhow::Result<File> {
+    let folder = folder(target);
+    tempfile::tempfile_in(folder).with_context(|| format!("cannot write in {}", folder.display()))
+}
+
 /// A temporary file beside the one that it will replace.
 pub(super) struct Replacement {
     temporary: NamedTempFile,
@@ -145,10 +158,7 @@ impl Replacement {
     }
 
     fn with_mode(target: &Path, mode: u32) -> anyhow::Result<Replacement> {
-        let folder = match target.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
+        let folder = folder(target);
         let temporary = tempfile::Builder::new()
             .prefix(".outrigger-")
             .permissions(std::fs::Permissions::from_mode(mode))

@@ -14,7 +14,7 @@ pub(super) mod told;
 use super::{into_gcode, out_of_gcode};
 use crate::post::annotate::{Layers, Unfit};
 use crate::post::container::{Container, beginning, gcode};
-use crate::post::{BEGINNING_BYTES, END_BYTES, not_for_us, read_at};
+use crate::post::{BEGINNING_BYTES, END_BYTES, Failure as Io, not_for_us, read_at};
 use outrigger_gcode::bgcode::damage;
 use outrigger_gcode::dialect::{Detection, Dialect, detect};
 use std::io::{Read, Seek, SeekFrom};
@@ -24,12 +24,9 @@ use told::Told;
 /// Why there is no result.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// The input cannot be read.
-    #[error("cannot read: {0}")]
-    Read(#[source] std::io::Error),
-    /// The output cannot be written.
-    #[error("cannot write: {0}")]
-    Write(#[source] std::io::Error),
+    /// The input cannot be read, or the output not written.
+    #[error(transparent)]
+    Io(#[from] Io),
     /// Supports cannot go into this job.
     #[error(transparent)]
     Refused(#[from] Refusal),
@@ -126,11 +123,11 @@ pub enum Refusal {
 /// # Errors
 /// It cannot be read, or supports can neither go into it nor come out.
 pub(super) fn open(input: &mut (impl Read + Seek)) -> Result<(Container, Survey), Failure> {
-    let container = Container::of(input).map_err(Failure::Read)?;
+    let container = Container::of(input).map_err(Io::Read)?;
     if let Some(reason) = container.refusal() {
         return Err(Refusal::Unfit(reason.to_owned()).into());
     }
-    let start = beginning(input, BEGINNING_BYTES).map_err(Failure::Read)?;
+    let start = beginning(input, BEGINNING_BYTES).map_err(Io::Read)?;
     if let Some(reason) = not_for_us(&start) {
         return Err(Refusal::Unfit(reason).into());
     }
@@ -141,23 +138,16 @@ pub(super) fn open(input: &mut (impl Read + Seek)) -> Result<(Container, Survey)
 /// A damaged container is no failure of the reader.
 pub(super) fn of_damage(failure: Failure) -> Failure {
     match failure {
-        Failure::Read(error) | Failure::Write(error) if damage(&error).is_some() => {
+        Failure::Io(Io::Read(error) | Io::Write(error)) if damage(&error).is_some() => {
             Refusal::Unfit(error.to_string()).into()
         }
         failure => failure,
     }
 }
 
-pub(super) fn of_post(failure: crate::post::Failure) -> Failure {
-    match failure {
-        crate::post::Failure::Read(error) => Failure::Read(error),
-        crate::post::Failure::Write(error) => Failure::Write(error),
-    }
-}
-
 pub(super) fn of_unfit(unfit: Unfit) -> Failure {
     match unfit {
-        Unfit::Read { source, .. } => Failure::Read(source),
+        Unfit::Read { source, .. } => Io::Read(source).into(),
         unfit => Refusal::Unfit(unfit.to_string()).into(),
     }
 }
@@ -184,13 +174,13 @@ fn survey(
     let mut told = Told::default();
     told.read(start);
     if let Container::Text = container {
-        let length = input.seek(SeekFrom::End(0)).map_err(Failure::Read)?;
-        let end = read_at(input, length.saturating_sub(END_BYTES), END_BYTES).map_err(Failure::Read)?;
+        let length = input.seek(SeekFrom::End(0)).map_err(Io::Read)?;
+        let end = read_at(input, length.saturating_sub(END_BYTES), END_BYTES).map_err(Io::Read)?;
         let whole = memchr::memchr(b'\n', &end).map_or(end.len(), |at| at + 1);
         told.read(&end[whole.min(end.len())..]);
     }
     let mut surveyor = Surveyor::new(dialect, told)?;
-    input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
+    input.seek(SeekFrom::Start(0)).map_err(Io::Read)?;
     let mut layers = Layers::new(gcode(input), dialect).without_covers();
     while let Some(layer) = layers.next_layer().map_err(of_unfit)? {
         surveyor.layer(&layer)?;

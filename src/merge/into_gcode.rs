@@ -19,8 +19,9 @@ mod verify;
 mod weave;
 
 use super::gcode::survey::{self, Survey};
-use super::gcode::{Failure, Refusal, of_damage, of_post, of_unfit, open};
+use super::gcode::{Failure, Refusal, of_damage, of_unfit, open};
 use crate::layers::shape::Region;
+use crate::post::Failure as Io;
 use crate::post::annotate::Layers;
 use crate::post::container::{Output, gcode};
 use crate::post::layer::Layer;
@@ -97,11 +98,11 @@ fn merge(
     progress: &dyn Fn(u32, u32),
 ) -> Result<MergeReport, Failure> {
     let (container, survey) = open(input)?;
-    let made = container.begin(input, &mut *output).map_err(of_post)?;
-    input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
+    let made = container.begin(input, &mut *output)?;
+    input.seek(SeekFrom::Start(0)).map_err(Io::Read)?;
     let job = Job { survey: &survey, sections, options };
     let report = job.run(gcode(&mut *input), made, progress)?;
-    container.end(input, output).map_err(of_post)?;
+    container.end(input, output)?;
     Ok(report)
 }
 
@@ -144,7 +145,7 @@ impl Job<'_> {
                 let (number, input) = (done.layer.number, done.layer.input());
                 report.layers = report.layers.max(number);
                 let text = done.made.as_mut().map(|(_, woven)| std::mem::take(&mut woven.text));
-                done.found = output.put(text, input).map_err(Failure::Write)?;
+                done.found = output.put(text, input).map_err(Io::Write)?;
                 if let Some((plan, woven)) = &done.made {
                     self.count(&mut report, plan, woven);
                 }
@@ -152,7 +153,7 @@ impl Job<'_> {
             }
         }
         verifier.finish()?;
-        output.finish().map_err(Failure::Write)?;
+        output.finish().map_err(Io::Write)?;
         let top = self.survey.slices.iter().flatten().next_back().map_or(0.0, |slice| slice[1]);
         report.missing_top_mm = (self.sections.top_mm() - top).max(0.0);
         Ok(report)

@@ -20,7 +20,8 @@
 mod taker;
 mod verify;
 
-use super::gcode::{Failure, of_damage, of_post, of_unfit, open};
+use super::gcode::{Failure, of_damage, of_unfit, open};
+use crate::post::Failure as Io;
 use crate::post::annotate::Layers;
 use crate::post::container::gcode;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -64,24 +65,24 @@ fn take(
 ) -> Result<Taken, Failure> {
     let (container, survey) = open(input)?;
     let count = survey.slices.len() as u32;
-    let mut made = container.begin(input, &mut *output).map_err(of_post)?;
-    input.seek(SeekFrom::Start(0)).map_err(Failure::Read)?;
+    let mut made = container.begin(input, &mut *output)?;
+    input.seek(SeekFrom::Start(0)).map_err(Io::Read)?;
     let mut layers = Layers::new(gcode(&mut *input), survey.dialect).without_covers();
     let (mut taker, mut verifier) = (Taker::new(&survey), Verifier::new(survey.dialect));
     while let Some(layer) = layers.next_layer().map_err(of_unfit)? {
         taker.layer(&layer)?;
         let text = taker.written();
-        let found = made.put(Some(text), layer.input()).map_err(Failure::Write)?;
+        let found = made.put(Some(text), layer.input()).map_err(Io::Write)?;
         verifier.layer(layer.number, layer.input(), found.as_deref().unwrap_or(layer.input()))?;
         progress(layer.number.min(count), count);
     }
     let taken = taker.finish()?;
-    let found = made.put(Some(taker.written()), b"").map_err(Failure::Write)?;
+    let found = made.put(Some(taker.written()), b"").map_err(Io::Write)?;
     verifier.layer(count, b"", found.as_deref().unwrap_or(b""))?;
     verifier.finish(count)?;
-    made.finish().map_err(Failure::Write)?;
+    made.finish().map_err(Io::Write)?;
     drop(layers);
-    container.end(input, output).map_err(of_post)?;
+    container.end(input, output)?;
     Ok(taken)
 }
 

@@ -97,3 +97,15 @@ pub(super) fn plain(job: &[u8]) -> Vec<u8> {
     std::io::Read::read_to_end(&mut outrigger_gcode::bgcode::bare_text(job), &mut text).unwrap();
     text
 }
+
+/// The same beads in the same order.
+pub(super) fn same_beads(name: &str, before: &[OwnBead], after: &[OwnBead]) {
+    assert_eq!(before.len(), after.len(), "{name}");
+    for (a, b) in before.iter().zip(after) {
+        let near = |p: [f64; 3], q: [f64; 3]| (0..3).all(|k| (p[k] - q[k]).abs() < 1e-9);
+        assert!(
+            near(a.0, b.0) && near(a.1, b.1) && (a.2 - b.2).abs() < 1e-6 && a.3 == b.3,
+            "{name}: {a:?} {b:?}"
+        );
+    }
+}

@@ -64,6 +64,12 @@ impl Feature {
         matches!(self, Feature::ExternalPerimeter | Feature::Perimeter | Feature::OverhangPerimeter)
     }
 
+    /// Holds the part, and is taken away.
+    #[must_use]
+    pub fn is_support(self) -> bool {
+        matches!(self, Feature::Support | Feature::SupportInterface)
+    }
+
     /// Belongs to the part, and stays when supports are taken away.
     #[must_use]
     pub fn is_part(self) -> bool {

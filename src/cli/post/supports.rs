@@ -2,8 +2,8 @@
 //!
 //! The demand comes from the job itself, its beads or its images; no model is needed. What
 //! the slicer has already supported is held, unless its supports are to be replaced: then
-//! they are taken out first, into a file that has no name. The result is read anew and looked at with
-//! the same detectors before it takes the job's place.
+//! they are taken out first, into a file that has no name. The result is read anew and looked
+//! at with the same detectors before it takes the job's place.
 use super::resin::{is_resin, named, open, written};
 use super::{Args, forgive, write_report};
 use crate::cli::files::{self, Replacement, Seen};
@@ -113,16 +113,14 @@ fn planned(args: &Args, seen: &Look, rules: &Rules, report: &mut Report) -> anyh
 
 /// The job without the slicer's own supports, beside where the result will be.
 fn without_supports(args: &Args, mut job: File, target: &Path, report: &mut Report) -> anyhow::Result<File> {
-    let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut bare =
-        tempfile::tempfile_in(folder).with_context(|| format!("cannot write in {}", folder.display()))?;
+    let mut bare = files::unnamed_beside(target)?;
     let bar = progress::layers(None, args.quiet);
     let mut out = BufWriter::with_capacity(BUFFER_BYTES, &mut bare);
     let taken = out_of_gcode(&mut job, &mut out, &|done, count| {
         bar.set_length(count.into());
         bar.set_position(done.into());
     })?;
-    out.flush().with_context(|| format!("cannot write in {}", folder.display()))?;
+    out.flush().with_context(|| format!("cannot write beside {}", target.display()))?;
     drop(out);
     bar.finish_and_clear();
     report.replaced_mm3 = taken.volume_mm3;

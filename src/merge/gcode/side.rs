@@ -10,6 +10,11 @@ pub(in crate::merge) const UNIT_MM: f64 = 1e-6;
 /// of rounded numbers, mm.
 pub(in crate::merge) const PULLED_MM: f64 = 0.01;
 
+/// Whether two places are the same, mm.
+pub(in crate::merge) fn near(a: [f64; 3], b: [f64; 3]) -> bool {
+    (0..3).all(|k| (a[k] - b[k]).abs() < UNIT_MM)
+}
+
 /// What is in force beside the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::merge) struct Context {

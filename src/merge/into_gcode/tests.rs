@@ -5,7 +5,7 @@ use crate::layers::stack::{Layer as Slab, Layers as _};
 use crate::merge::gcode::survey::Surveyor;
 use crate::merge::gcode::told::Told;
 use crate::merge::testing::{
-    Column, Columns, OwnBead, around_the_bench, column, corpus, merged, part_beads, plain,
+    Column, Columns, OwnBead, around_the_bench, column, corpus, merged, part_beads, plain, same_beads,
 };
 use crate::support::section::Section;
 use outrigger_gcode::dialect::Dialect;
@@ -57,14 +57,7 @@ fn check(name: &str) {
     }
     let (text, text_after) = (plain(&input), plain(&output));
     let ((own, all), (own_after, all_after)) = (part_beads(&text), part_beads(&text_after));
-    assert_eq!(own.len(), own_after.len(), "{name}");
-    for (a, b) in own.iter().zip(&own_after) {
-        let near = |p: [f64; 3], q: [f64; 3]| (0..3).all(|k| (p[k] - q[k]).abs() < 1e-9);
-        assert!(
-            near(a.0, b.0) && near(a.1, b.1) && (a.2 - b.2).abs() < 1e-6 && a.3 == b.3,
-            "{name}: {a:?} {b:?}"
-        );
-    }
+    same_beads(name, &own, &own_after);
     assert!(
         (all_after - all - report.filament_mm).abs() < 0.01,
         "{name}: {all_after} {all} {}",

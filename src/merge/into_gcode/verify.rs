@@ -22,7 +22,7 @@ use super::cross::distance_mm as between_mm;
 use super::plan::Plan;
 use crate::layers::shape::{Place, Point as Grid, Polygon, ring_edges};
 use crate::merge::gcode::flow::Shape;
-use crate::merge::gcode::side::{PULLED_MM, Side, UNIT_MM};
+use crate::merge::gcode::side::{PULLED_MM, Side, UNIT_MM, near};
 use crate::merge::gcode::survey::Survey;
 use crate::toolpath::bead::{Point, distance_mm};
 use outrigger_gcode::dialect::{Dialect, Feature, Mark};
@@ -205,7 +205,6 @@ impl Verifier {
     fn kept(&mut self, bytes: &[u8], check: &mut Layer<'_>) -> Result<(), What> {
         let line = parse(bytes);
         let fails = |why| Err(What::Line(String::from_utf8_lossy(bytes).trim().to_owned(), why));
-        let near = |a: [f64; 3], b: [f64; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < UNIT_MM);
         let stood = (self.before.machine.position, self.after.machine.position);
         let depths = (self.before.depth_mm, self.after.depth_mm);
         let (a, b) = (self.before.read(&line, self.dialect), self.after.read(&line, self.dialect));
@@ -329,7 +328,7 @@ impl Verifier {
         depth_mm: f64,
         check: &mut Layer<'_>,
     ) -> Result<(), What> {
-        if !matches!(feature, Feature::Support | Feature::SupportInterface) {
+        if !feature.is_support() {
             return Err(What::Bead("as something else"));
         }
         if depth_mm > PULLED_MM || self.after.machine.firmware_retracted {

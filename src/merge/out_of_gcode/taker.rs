@@ -11,7 +11,7 @@ use crate::merge::gcode::side::UNIT_MM;
 use crate::merge::gcode::survey::Survey;
 use crate::post::layer::{Layer, Style, What};
 use crate::post::measure::RETRACTED_MM;
-use outrigger_gcode::dialect::{Feature, Mark};
+use outrigger_gcode::dialect::Mark;
 use outrigger_gcode::line::parse;
 use outrigger_gcode::state::{Kind, Machine};
 
@@ -121,7 +121,7 @@ impl<'a> Taker<'a> {
             let state = layer.state(row);
             match row.what {
                 What::Move(m, Kind::Deposit) => {
-                    let own = matches!(state.feature, Feature::Support | Feature::SupportInterface);
+                    let own = state.feature.is_support();
                     self.tools[usize::from(!own)] |=
                         u64::from(own || state.feature.is_part()) << (state.tool % 64);
                     self.top_mm = m.to[2];
@@ -203,61 +203,42 @@ impl<'a> Taker<'a> {
         self.out.extend_from_slice(text);
     }
 
-    /// Writes a line that was held, as the file has it.
-    fn keep(&mut self, held: Held) {
-        match held.says {
-            // What is said of beads is said again before the next one.
-            Some(_) if self.gap.is_some() => {}
-            says => {
-                if let Some(k) = says {
-                    self.said[1][k] = held.text.trim_ascii_end().to_vec();
-                }
-                self.say(&held.text);
-            }
-        }
-    }
-
-    /// Comes to a bead of supports.
+    /// Comes to a bead of supports. What is said of it is not said.
     fn skip(&mut self) {
         let held = std::mem::take(&mut self.held);
         let way = held.iter().position(Held::travels).unwrap_or(held.len());
         let first = self.gap.is_none();
-        let start = held.get(way).map_or_else(|| self.stand.clone(), |held| held.stand.clone());
-        for (k, held) in held.into_iter().enumerate() {
-            if k >= way && first {
-                self.gap.get_or_insert_with(|| start.clone());
-            }
-            // What is said of supports is not said.
+        for (k, held) in held.iter().enumerate() {
             if held.says.is_none() && (!held.moves() || first && k < way) {
-                self.keep(held);
+                self.say(&held.text);
             }
         }
-        self.gap.get_or_insert(start);
+        self.gap.get_or_insert_with(|| held.get(way).map_or(&self.stand, |held| &held.stand).clone());
     }
 
     /// Comes to what stays.
     fn come_to(&mut self) -> Result<(), Refusal> {
-        let held = std::mem::take(&mut self.held);
-        let Some(from) = self.gap.clone() else {
-            held.into_iter().for_each(|held| self.keep(held));
+        let mut held = std::mem::take(&mut self.held);
+        let Some(from) = self.gap.take() else {
+            for held in held {
+                if let Some(k) = held.says {
+                    self.said[1][k] = held.text.trim_ascii_end().to_vec();
+                }
+                self.say(&held.text);
+            }
             return Ok(());
         };
-        let tail = held.iter().rposition(Held::travels).map_or(0, |last| last + 1);
-        let to = held.get(tail).map_or_else(|| self.stand.clone(), |held| held.stand.clone());
-        let mut closed = false;
-        for (k, held) in held.into_iter().enumerate() {
-            if k == tail {
-                self.close(&from, &to)?;
-                closed = true;
-            }
-            if k >= tail || !held.moves() {
-                self.keep(held);
-            }
+        let last = held.iter().rposition(Held::travels).map_or(0, |last| last + 1);
+        let tail = held.split_off(last);
+        let to = tail.first().map_or(&self.stand, |held| &held.stand).clone();
+        // What is said of beads is said again before the next one.
+        for held in held.iter().filter(|held| held.says.is_none() && !held.moves()) {
+            self.say(&held.text);
         }
-        if !closed {
-            self.close(&from, &to)?;
+        self.close(&from, &to)?;
+        for held in tail.iter().filter(|held| held.says.is_none()) {
+            self.say(&held.text);
         }
-        self.gap = None;
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 use super::*;
 use crate::merge::into_gcode::Options;
-use crate::merge::testing::{around_the_bench, corpus, merged, part_beads, plain};
+use crate::merge::testing::{around_the_bench, corpus, merged, part_beads, plain, same_beads};
 use outrigger_gcode::dialect::Dialect;
 use outrigger_gcode::line::{parse, split_lines};
 use outrigger_gcode::state::{Effect, Kind, Machine};
@@ -33,14 +33,7 @@ fn check(name: &str) {
     assert!(taken.beads > 1000 && taken.ways > 10, "{name}: {taken:?}");
     let [was, now] = [&input, &without].map(|job| plain(job));
     let ((beads, all), (beads_now, all_now)) = (part_beads(&was), part_beads(&now));
-    assert_eq!(beads.len(), beads_now.len(), "{name}");
-    for (a, b) in beads.iter().zip(&beads_now) {
-        let near = |p: [f64; 3], q: [f64; 3]| (0..3).all(|k| (p[k] - q[k]).abs() < 1e-9);
-        assert!(
-            near(a.0, b.0) && near(a.1, b.1) && (a.2 - b.2).abs() < 1e-6 && a.3 == b.3,
-            "{name}: {a:?} {b:?}"
-        );
-    }
+    same_beads(name, &beads, &beads_now);
     assert!((all - all_now).abs() < 0.01, "{name}: {all} {all_now}");
     let ways = travels_mm(&now) / travels_mm(&plain(&with));
     assert!(ways < 1.0, "{name}: {ways}");

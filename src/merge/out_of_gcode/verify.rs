@@ -12,8 +12,8 @@
 //!   find it in the same place, the filament pulled back as far
 //! - no move is faster than the file's fastest, no retraction deeper than its deepest, and the
 //!   end is the same
-use crate::merge::gcode::side::{Context, PULLED_MM, Side, UNIT_MM};
-use outrigger_gcode::dialect::{Dialect, Feature, Mark};
+use crate::merge::gcode::side::{Context, PULLED_MM, Side, UNIT_MM, near};
+use outrigger_gcode::dialect::{Dialect, Mark};
 use outrigger_gcode::line::{Command, Line, parse, split_lines};
 use outrigger_gcode::state::{Effect, Kind, Move};
 use std::collections::VecDeque;
@@ -153,10 +153,6 @@ impl Verifier {
     }
 }
 
-fn near(a: [f64; 3], b: [f64; 3]) -> bool {
-    (0..3).all(|k| (a[k] - b[k]).abs() < UNIT_MM)
-}
-
 fn stand(side: &Side) -> Stand {
     (side.machine.position, side.depth_mm, side.machine.firmware_retracted)
 }
@@ -170,7 +166,7 @@ fn words(text: &[u8]) -> String {
 }
 
 fn is_support(due: &Due) -> bool {
-    matches!(due, Due::Bead(_, c, ..) if matches!(c.feature, Feature::Support | Feature::SupportInterface))
+    matches!(due, Due::Bead(_, c, ..) if c.feature.is_support())
 }
 
 /// What a line must find again in the other text; `None` for what may differ.
