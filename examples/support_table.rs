@@ -10,16 +10,19 @@
 //! trees as in "Clever Support"; what paper 000 measures itself against) and *ours*. The
 //! material is the volume of the printed layers: the area of each section times its height.
 //! `far` is the distance from overhanging places to their nearest tip and `area` what a tip
-//! carries, both at the 95th percentile by area.
+//! carries, both at the 95th percentile by area. `scar` is what its tips scar on average by
+//! the planner's own measure; `on edges` counts those within 0.5 mm of an edge of the mesh that
+//! sticks out and turns by 45° or more.
 #![allow(clippy::print_stdout)]
 use outrigger::detect::overhang::SelfSupport;
 use outrigger::layers::from_mesh::{FromMesh, LayerHeights};
 use outrigger::layers::shape::{Bounds, Point};
-use outrigger::mesh::{self, place};
+use outrigger::mesh::{self, Mesh, OPEN, place};
 use outrigger::support::cut::Cuts;
 use outrigger::support::look::{Look, look};
 use outrigger::support::plan::{Branching, Placing, Plan, plan};
 use outrigger::support::rules::{Process, Rules};
+use outrigger::support::scar::Eye;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -43,9 +46,9 @@ fn main() -> ExitCode {
         .collect();
     files.sort();
     println!(
-        "| model | print | method | tips | at least | junctions | plate | model | length mm | volume mm³ | far mm | area mm² | unheld | s |"
+        "| model | print | method | tips | at least | junctions | plate | model | length mm | volume mm³ | far mm | area mm² | scar | on edges | unheld | s |"
     );
-    println!("|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
+    println!("|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
     let mut sums = Sums::default();
     for file in &files {
         for process in [Process::Filament, Process::Resin] {
@@ -65,9 +68,18 @@ struct Sums {
     tips: [[f64; 3]; 2],
     volume: [[f64; 3]; 2],
     ratios: [Vec<f64>; 2],
+    /// What the tips scar, summed, and how many of them are on edges.
+    scar: [[f64; 3]; 2],
+    on_edges: [[u32; 3]; 2],
     /// Files that could not be done, and rows of ours with tips too far.
     faults: u32,
 }
+
+/// An edge turns by at least so much, degrees.
+const SHARP_DEG: f64 = 45.0;
+
+/// A tip is on an edge that is so near, mm.
+const EDGE_MM: f64 = 0.5;
 
 /// Most material of ours, as a share of the baseline's.
 const MOST: f64 = 0.85;
@@ -85,6 +97,9 @@ impl Sums {
             let mut ratios = self.ratios[k].clone();
             ratios.sort_by(f64::total_cmp);
             let middle = ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN);
+            let scar: Vec<String> =
+                (0..3).map(|m| format!("{:.3}", self.scar[k][m] / tips[m].max(1.0))).collect();
+            let on_edges = self.on_edges[k].map(|count| count.to_string());
             println!(
                 "\n{name}: tips {:.0} / {:.0} / {:.0}, volume {:.0} / {:.0} / {:.0} mm³ (straight / baseline / ours): ours {:.1} % less than the baseline in all, {:.1} % by the median model",
                 tips[0],
@@ -95,6 +110,11 @@ impl Sums {
                 volume[2],
                 100.0 * (1.0 - volume[2] / volume[1]),
                 100.0 * (1.0 - middle)
+            );
+            println!(
+                "{name}: a tip scars {} on average, and {} tips are on edges",
+                scar.join(" / "),
+                on_edges.join(" / ")
             );
         }
     }
@@ -121,6 +141,7 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
         ("ours", Placing::Cover, Branching::Tree),
     ];
     let k = usize::from(process == Process::Resin);
+    let (eye, edges) = (Eye::new(&seen.space), edges(&mesh));
     let mut volumes = [0.0; 3];
     for (m, (name, placing, branching)) in ways.into_iter().enumerate() {
         let began = Instant::now();
@@ -129,8 +150,13 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
         let volume = Cuts::new(&made.forest, 0.0).volume_in_mm3(layer_mm);
         let tally = made.forest.tally();
         let (far, area) = percentiles(&seen, &made);
+        let places: Vec<[f64; 3]> =
+            made.points.tips.iter().map(|t| seen.demand.needs[t.need as usize].at_mm).collect();
+        let scar: f64 = places.iter().map(|at| eye.scar(*at).weight()).sum();
+        let near = |at: &&[f64; 3]| edges.iter().any(|e| off_mm(**at, *e) <= EDGE_MM);
+        let on_edges = places.iter().filter(near).count() as u32;
         println!(
-            "| {} | {process:?} | {name} | {} | {} | {} | {} | {} | {:.0} | {volume:.1} | {far:.2} | {area:.2} | {} | {seconds:.2} |",
+            "| {} | {process:?} | {name} | {} | {} | {} | {} | {} | {:.0} | {volume:.1} | {far:.2} | {area:.2} | {:.3} | {on_edges} | {} | {seconds:.2} |",
             file.file_stem().unwrap_or_default().to_string_lossy(),
             tally.tips,
             made.points.at_least,
@@ -138,11 +164,14 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
             tally.trunks_on_plate,
             tally.landings_on_model,
             tally.length_mm,
+            scar / f64::from(tally.tips.max(1)),
             made.points.unheld.len(),
         );
         sums.faults += u32::from(name == "ours" && far > rules.spacing_mm + 1e-9);
         sums.tips[k][m] += f64::from(tally.tips);
         sums.volume[k][m] += volume;
+        sums.scar[k][m] += scar;
+        sums.on_edges[k][m] += on_edges;
         volumes[m] = volume;
     }
     if volumes[1] > 0.0 {
@@ -180,4 +209,40 @@ fn at_95(values: &mut [(f64, f64)]) -> f64 {
         }
     }
     0.0
+}
+
+/// Edges of the mesh that stick out and turn by at least [`SHARP_DEG`], by their ends, mm.
+fn edges(mesh: &Mesh) -> Vec<[[f64; 3]; 2]> {
+    let corner = |h: usize| mesh.vertices[mesh.triangles[h / 3][h % 3] as usize];
+    let next = |h: usize| h / 3 * 3 + (h + 1) % 3;
+    // The triangle's plane, and the corner that is not on the edge.
+    let side = |h: usize| {
+        let [a, b, c] = [corner(h), corner(next(h)), corner(next(next(h)))];
+        let (u, v) = (less(b, a), less(c, a));
+        let normal = [0, 1, 2].map(|k| u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3]);
+        let long = dot(normal, normal).sqrt();
+        (normal.map(|n| n / long), c)
+    };
+    let pairs = mesh.twins.iter().enumerate().filter(|(h, twin)| **twin != OPEN && *h < **twin as usize);
+    let sharp = pairs.filter(|(h, twin)| {
+        let ((own, _), (other, beyond)) = (side(*h), side(**twin as usize));
+        dot(own, other) <= SHARP_DEG.to_radians().cos() && dot(own, less(beyond, corner(*h))) < 0.0
+    });
+    sharp.map(|(h, _)| [corner(h), corner(next(h))]).collect()
+}
+
+/// How far a place is from a piece of a line, mm.
+fn off_mm(at: [f64; 3], [a, b]: [[f64; 3]; 2]) -> f64 {
+    let (along, to) = (less(b, a), less(at, a));
+    let t = (dot(along, to) / dot(along, along)).clamp(0.0, 1.0);
+    let off = less(to, along.map(|c| c * t));
+    dot(off, off).sqrt()
+}
+
+fn less(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|k| a[k] - b[k])
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| a[k] * b[k]).sum()
 }

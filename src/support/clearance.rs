@@ -263,6 +263,33 @@ impl Clearance {
         (f64::from(slab[index]) / PARTS - 0.5) * self.grid.cell_mm
     }
 
+    /// Whether something of the part lies in the cell of a place, in its slab.
+    #[must_use]
+    pub fn is_part(&self, at: [f64; 3]) -> bool {
+        let cell = self.grid.cell([at[0], at[1]]);
+        let slab = (at[2] >= 0.0).then(|| self.tops.get(self.grid.slab(at[2]))).flatten();
+        slab.zip(self.grid.index(cell[0], cell[1])).is_some_and(|(slab, index)| slab[index] > 0)
+    }
+
+    /// Whether one looks past the part from a place, in a direction of length 1 along the plate.
+    #[must_use]
+    pub fn sees_past(&self, from: [f64; 3], direction: [f64; 2]) -> bool {
+        let mut at = from;
+        loop {
+            if self.is_part(at) {
+                return false;
+            }
+            let away = self.away_mm(at);
+            if away < 0.0 {
+                // Out of the grid.
+                return true;
+            }
+            // Nothing is nearer than that.
+            let step = away.max(self.grid.cell_mm);
+            (at[0], at[1]) = (at[0] + direction[0] * step, at[1] + direction[1] * step);
+        }
+    }
+
     /// Whether a ball may be there: its radius and the distance to keep, mm.
     #[must_use]
     pub fn is_free(&self, at: [f64; 3], radius_mm: f64) -> bool {

@@ -11,7 +11,7 @@
 //! ```
 //! - [`demand`]: what must be held
 //! - [`clearance`]: where branches may go, and from where to the plate; [`site`]: with the rules put upon it
-//! - [`points`]: where tips stand
+//! - [`points`]: where tips stand; [`scar`]: where they leave the least of a mark
 //! - `skeleton`: branches that are still laid out; `vanek`, `grow` and `improve` lay them
 //! - `ranked`: which of many comes next
 //! - [`tree`]: what comes out; [`rules`]: what it must be like
@@ -28,6 +28,7 @@ pub mod points;
 pub mod proof;
 mod ranked;
 pub mod rules;
+pub mod scar;
 pub mod section;
 pub mod site;
 mod skeleton;
