@@ -198,6 +198,65 @@ fn a_slicers_supports_are_replaced() {
 }
 
 #[test]
+fn a_jobs_model_is_laid_beside_it() {
+    let folder = folder_of("job.gcode", gcode(65, lamp_at).as_bytes());
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("lamp.stl"), lamp()).expect("the model");
+    // The lamp lies at the origin, and the job prints it in the middle of the bed.
+    let args = ["post", "job.gcode", "--supports", "lamp.stl", "-o", "out.gcode"];
+    let run = outrigger(folder.path(), args);
+    run.ends(1).says("X +100.00 Y +99.8").says("--align");
+    assert_eq!(names(folder.path()), ["job.gcode", "lamp.stl"]);
+    let report = json(folder.path(), &[&args[..], &["--align", "--report", "-"]].concat());
+    for (axis, by) in [100.0, 100.0, 0.0].into_iter().enumerate() {
+        let moved = report["model"]["moved_mm"][axis].as_f64().expect("a way");
+        assert!((moved - by).abs() < 0.3, "{report}");
+    }
+    assert_eq!(report["islands"], 1, "{report}");
+    let after = json(folder.path(), &["check", "out.gcode", "--json", "-"]);
+    assert_eq!(count(&after["islands"]), 0, "{}", after["islands"]);
+    // Once more, beside supports that hold all of it: nothing more is needed.
+    let again = ["post", "out.gcode", "--supports", "lamp.stl", "--align", "-o", "again.gcode", "-q"];
+    outrigger(folder.path(), again).ends(0);
+    // Another model, none, and nothing to move.
+    fs::write(path("cube.stl"), stl(&[[[0.0; 3], [9.0; 3]]])).expect("the model");
+    let job = fs::read(path("job.gcode")).expect("the job");
+    let post = |how: &[&str]| {
+        outrigger(folder.path(), [&["post", "job.gcode", "--supports"], how, &["-o", "no.gcode"]].concat())
+    };
+    let size = "20.0 × 19.8 × 13.0 mm and the model is 9.0 × 9.0 × 9.0 mm";
+    post(&["cube.stl", "--align"]).ends(1).says("cube.stl").says(size);
+    post(&["job.gcode"]).ends(1).says("STL");
+    post(&["none.stl"]).ends(2).says("nor is there a model of that name");
+    post(&["auto", "--align"]).ends(2).says("--align");
+    assert_eq!(fs::read(path("job.gcode")).expect("the job"), job);
+    assert!(!names(folder.path()).contains(&"no.gcode".to_owned()));
+}
+
+#[test]
+fn a_resin_jobs_model_tells_part_from_support() {
+    // The lamp in pixels of 0.1 mm, 2 mm above the plate on a post of the slicer's.
+    let at = |layer: usize| match layer {
+        0..20 => vec![[110, 110, 130, 130]],
+        20..70 => vec![[100, 100, 140, 140]],
+        70..130 => vec![[100, 100, 140, 140], [170, 40, 190, 60]],
+        130..150 => vec![[20, 20, 220, 220]],
+        _ => vec![],
+    };
+    let folder = folder_of("job.sl1", &sl1(150, at));
+    fs::write(folder.path().join("lamp.stl"), lamp()).expect("the model");
+    let args = ["post", "job.sl1", "--supports", "lamp.stl", "-o", "out.sl1"];
+    outrigger(folder.path(), args).ends(1).says("Z +2.00").says("--align");
+    let report = json(folder.path(), &[&args[..], &["--align", "--report", "-"]].concat());
+    for (axis, by) in [12.0, 12.0, 2.0].into_iter().enumerate() {
+        let moved = report["model"]["moved_mm"][axis].as_f64().expect("a way");
+        assert!((moved - by).abs() < 0.06, "{report}");
+    }
+    let after = json(folder.path(), &["check", "out.sl1", "--json", "-"]);
+    assert_eq!(count(&after["islands"]), 0, "{}", after["islands"]);
+}
+
+#[test]
 fn a_job_that_no_supports_can_go_into_stays() {
     let spiral = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("gcode/corpus/ps25-marlin-vase.gcode"));
     let folder = folder_of("vase.gcode", &spiral.expect("the corpus"));
@@ -214,12 +273,17 @@ const SETTINGS: &str = "display_width = 24\ndisplay_height = 24\ndisplay_pixels_
 
 /// An SL1 job of 240 × 240 px of 0.1 mm by rectangles of pixels at each layer.
 fn sl1(layers: usize, at: impl Fn(usize) -> Vec<[usize; 4]>) -> Vec<u8> {
+    sl1_of(SETTINGS, layers, at)
+}
+
+/// The same with a display of other settings.
+fn sl1_of(settings: &str, layers: usize, at: impl Fn(usize) -> Vec<[usize; 4]>) -> Vec<u8> {
     let config = format!(
         "jobDir = a\nlayerHeight = 0.1\nexpTime = 5\nexpTimeFirst = 30\nnumFade = 2\nnumFast = {layers}\nnumSlow = 0\nprinterModel = SL1\n"
     );
     let mut entries = vec![
         ("config.ini".to_owned(), config.into_bytes()),
-        ("prusaslicer.ini".to_owned(), SETTINGS.as_bytes().to_vec()),
+        ("prusaslicer.ini".to_owned(), settings.as_bytes().to_vec()),
         ("of another program".to_owned(), b"?".to_vec()),
     ];
     entries.extend((0..layers).map(|n| (format!("a{n:05}.png"), png([240, 240], &at(n)))));
@@ -269,4 +333,19 @@ fn resin_jobs_get_what_holds_them() {
     outrigger(folder.path(), ["post", "job.sl1", "--supports", "auto", "-q", "-o", "out.goo"]).ends(0);
     let goo = check("out.goo");
     assert_eq!((count(&goo["islands"]), &goo["kind"]), (0, &"goo".into()));
+}
+
+#[test]
+fn specks_of_a_resin_job_are_no_supports_in_the_air() {
+    // Pixels of 0.05 mm: one of them alone is less than what counts.
+    let small = SETTINGS.replace("= 24\n", "= 12\n");
+    let at = |layer: usize| match layer {
+        0..40 => vec![[100, 100, 140, 140], [50, 20, 51, 21]][..if layer == 30 { 2 } else { 1 }].to_vec(),
+        _ => vec![[100, 100, 200, 170]],
+    };
+    let folder = folder_of("job.sl1", &sl1_of(&small, 60, at));
+    let before = json(folder.path(), &["check", "job.sl1", "--json", "-"]);
+    assert_eq!((count(&before["islands"]), count(&before["small_islands"])), (0, 1), "{before}");
+    outrigger(folder.path(), ["post", "job.sl1", "--supports", "auto", "-q", "-o", "out.sl1"]).ends(0);
+    assert_eq!(names(folder.path()), ["job.sl1", "out.sl1"]);
 }

@@ -4,6 +4,7 @@
 //! stays as it was and the exit status is 0, with the reason on stderr; a
 //! non-zero status would fail the slicer's whole export. A resin job goes another way
 //! ([`resin`]), by its content.
+mod model;
 mod resin;
 mod supports;
 
@@ -20,6 +21,7 @@ use serde::Serialize;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::str::FromStr;
 use std::time::Instant;
 
 /// Reorder the infill of a sliced job, put supports into a job, convert a resin job
@@ -57,9 +59,13 @@ pub(super) struct Args {
     /// `auto` needs no model: the job's own beads or images say what must be held. What the
     /// slicer has supported is held already, so that only what it forgot is added; `missing`
     /// is another word for that. `replace` takes the slicer's own supports out first (G-code
-    /// only). Nothing is reordered then.
-    #[arg(long, value_name = "HOW", value_parser = ["auto", "missing", "replace"])]
-    supports: Option<String>,
+    /// only). With the model that the job was sliced from (STL), as it lay on the plate, what
+    /// this says must be held is held as well. Nothing is reordered then.
+    #[arg(long, value_name = "auto|missing|replace|MODEL.stl")]
+    supports: Option<Supports>,
+    /// Move the model to where the job prints it: along the plate and up, never turned or scaled
+    #[arg(long, requires = "supports")]
+    align: bool,
     /// Write a result in which some places cannot be held; it should not be printed
     #[arg(long, requires = "supports")]
     allow_unroutable: bool,
@@ -88,11 +94,46 @@ impl Args {
             report: None,
             picture: None,
             supports: None,
+            align: false,
             allow_unroutable: false,
             material: None,
             first_layer: false,
             profile: None,
             quiet: true,
+        }
+    }
+}
+
+impl Args {
+    /// The model that the job was sliced from.
+    fn model(&self) -> Option<&Path> {
+        match &self.supports {
+            Some(Supports::Model(path)) => Some(path),
+            _ => None,
+        }
+    }
+}
+
+/// What `--supports` asks for.
+#[derive(Clone, Debug, PartialEq)]
+enum Supports {
+    /// What the job needs beside the slicer's own.
+    Missing,
+    /// All of it anew.
+    Replace,
+    /// What the job and its model need beside the slicer's own.
+    Model(PathBuf),
+}
+
+impl FromStr for Supports {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Supports, String> {
+        match text {
+            "auto" | "missing" => Ok(Supports::Missing),
+            "replace" => Ok(Supports::Replace),
+            file if Path::new(file).exists() => Ok(Supports::Model(file.into())),
+            _ => Err("it is neither auto, missing or replace, nor is there a model of that name".to_owned()),
         }
     }
 }
@@ -113,6 +154,10 @@ pub(super) struct Done {
 /// FILE cannot be read at all, or with `--output` OUT cannot be written.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     clean_up_on_signal();
+    if args.align && args.model().is_none() {
+        eprintln!("outrigger: --align moves a model: name it with --supports");
+        return Ok(ExitCode::from(2));
+    }
     if resin::is_resin(&args.file) {
         if let Some(reason) = resin::unfit(args) {
             eprintln!("outrigger: {reason}");

@@ -78,6 +78,21 @@ pub trait Watch {
 /// Nobody.
 impl Watch for () {}
 
+/// Someone or nobody.
+impl<W: Watch> Watch for Option<W> {
+    fn lap(&mut self, stage: Stage) {
+        if let Some(watch) = self {
+            watch.lap(stage);
+        }
+    }
+
+    fn layer(&mut self, seen: &Seen<'_>) {
+        if let Some(watch) = self {
+            watch.layer(seen);
+        }
+    }
+}
+
 /// What the walk found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Findings {

@@ -40,6 +40,9 @@ pub struct Report {
     pub volume_mm3: f64,
     /// What the slicer's own supports took that were replaced, mm³.
     pub replaced_mm3: f64,
+    /// The model that the job was laid beside, if one was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<Model>,
     /// What cannot be held.
     pub unroutable: Vec<Place>,
     /// Unheld pieces smaller than a tip, which print as what holds itself does: their number
@@ -51,6 +54,15 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// Time, s.
     pub seconds: Seconds,
+}
+
+/// A job's model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Model {
+    /// Its file.
+    pub file: String,
+    /// How far it was moved to where the job prints it, mm.
+    pub moved_mm: [f64; 3],
 }
 
 /// Something that cannot be held.
@@ -120,6 +132,14 @@ impl Report {
         let _ = writeln!(out, "{:.0} mm of branches, {:.2} cm³", self.length_mm, self.volume_mm3 / 1e3);
         if self.replaced_mm3 > 0.0 {
             let _ = writeln!(out, "in place of the slicer's own, {:.2} cm³", self.replaced_mm3 / 1e3);
+        }
+        if let Some(model) = &self.model {
+            let [x, y, z] = model.moved_mm;
+            let moved = match model.moved_mm {
+                [0.0, 0.0, 0.0] => String::new(),
+                _ => format!(", moved by X {x:+.2} Y {y:+.2} Z {z:+.2} mm"),
+            };
+            let _ = writeln!(out, "beside its model {}{moved}", model.file);
         }
         if !self.unroutable.is_empty() {
             let _ = writeln!(out, "\n{} places cannot be held:", self.unroutable.len());

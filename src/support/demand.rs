@@ -14,6 +14,7 @@ use crate::detect::walk::{Seen, Watch};
 use crate::layers::scan::spans;
 use crate::layers::shape::{Place, Point, Polygon, ring_edges};
 use rustc_hash::{FxHashMap, FxHashSet};
+use std::cmp::Ordering;
 
 /// Cells at most: 40 m² of overhang in cells of 1 mm would be more than any part has.
 pub const MAX_NEEDS: usize = 4_000_000;
@@ -29,6 +30,8 @@ pub struct Need {
     pub region: u32,
     /// It is where an island begins: something must stand right under it.
     pub island: bool,
+    /// The island that this is a place of, by a number: a tip here holds it as well.
+    pub under: Option<u32>,
 }
 
 /// All that must be held, islands first, each from the lowest up.
@@ -46,13 +49,26 @@ pub struct Demand {
     pub cut_off: bool,
 }
 
+/// Most places of an island where a tip may stand for the one at its centroid.
+const MAX_PLACES: usize = 64;
+
+/// An island where it appears.
+#[derive(Debug)]
+struct Appears {
+    layer: u32,
+    centroid_mm: [f64; 2],
+    z_mm: f64,
+    /// Where a tip should stand, and where else it may, mm.
+    places: Vec<[f64; 2]>,
+}
+
 /// Gathers a [`Demand`] during a walk.
 #[derive(Debug)]
 pub struct Gather {
     cell_mm: f64,
     cells: FxHashMap<[i32; 3], Need>,
-    /// Pieces of islands in the layer where they appear: layer, centroid, place.
-    islands: Vec<(u32, [f64; 2], [f64; 3])>,
+    /// Pieces of islands in the layer where they appear.
+    islands: Vec<Appears>,
     cut_off: bool,
 }
 
@@ -69,7 +85,7 @@ impl Gather {
             self.cut_off = true;
             return;
         }
-        let need = Need { at_mm, area_mm2: 0.0, region: 0, island: false };
+        let need = Need { at_mm, area_mm2: 0.0, region: 0, island: false, under: None };
         self.cells.entry(cell).or_insert(need).area_mm2 += area_mm2;
     }
 
@@ -88,30 +104,86 @@ impl Gather {
         self.cells.retain(|_, need| need.at_mm[2] >= caught_mm);
         let cell_mm = self.cell_mm;
         let mut needs: Vec<Need> = self.cells.into_values().collect();
-        let key = |n: &Need| (n.at_mm[2], n.at_mm[1], n.at_mm[0]);
-        let order = |a: &Need, b: &Need| {
-            let (a, b) = (key(a), key(b));
-            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
-        };
         // The same polygon gave the same centroid.
         let mark = |layer: u32, centroid_mm: [f64; 2]| (layer, centroid_mm.map(f64::to_bits));
         let counts: FxHashSet<_> = islands.iter().map(|i| mark(i.layer, i.centroid_mm)).collect();
-        let counted = self
-            .islands
-            .iter()
-            .filter(|(layer, centroid_mm, _)| counts.contains(&mark(*layer, *centroid_mm)))
-            .map(|(.., at_mm)| Need { at_mm: *at_mm, area_mm2: 0.0, region: 0, island: true });
-        needs.extend(counted);
-        needs.sort_by(|a, b| b.island.cmp(&a.island).then_with(|| order(a, b)));
-        let regions = join(&mut needs, cell_mm);
-        let mut area = vec![(0.0, false); regions as usize];
-        for need in &needs {
+        let counted = self.islands.iter().filter(|i| counts.contains(&mark(i.layer, i.centroid_mm)));
+        for (number, island) in (0..).zip(counted) {
+            let under = |(k, at): (usize, &[f64; 2])| Need {
+                at_mm: [at[0], at[1], island.z_mm],
+                area_mm2: 0.0,
+                region: 0,
+                island: k == 0,
+                under: Some(number),
+            };
+            needs.extend(island.places.iter().enumerate().map(under));
+        }
+        let mut demand = Demand::of(needs, cell_mm, self.cut_off);
+        let mut area = vec![(0.0, false); demand.regions as usize];
+        for need in &demand.needs {
             let of = &mut area[need.region as usize];
             *of = (of.0 + need.area_mm2, of.1 || need.island);
         }
-        needs.retain(|n| area[n.region as usize].1 || area[n.region as usize].0 >= min_area_mm2);
+        let of = |n: &Need| area[n.region as usize];
+        demand.needs.retain(|n| of(n).1 || of(n).0 >= min_area_mm2);
+        demand.area_mm2 = demand.needs.iter().map(|n| n.area_mm2).sum();
+        demand
+    }
+}
+
+impl Demand {
+    /// What either asks for, in cells of this one's size. A cell of both needs the larger of
+    /// their areas, at the lower of their places; islands in cells that touch are one.
+    #[must_use]
+    pub fn with(self, other: Demand) -> Demand {
+        let cell_mm = self.cell_mm;
+        let cell = |n: &Need| n.at_mm.map(|c| (c / cell_mm).floor() as i32);
+        let around =
+            |[x, y, z]: [i32; 3]| (0..27).map(move |k| [x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1]);
+        let mut needs = self.needs;
+        let islands: FxHashSet<[i32; 3]> = needs.iter().filter(|n| n.island).map(cell).collect();
+        let is_known = |n: &&Need| around(cell(n)).any(|near| islands.contains(&near));
+        let known: FxHashSet<_> =
+            other.needs.iter().filter(|n| n.island).filter(is_known).map(|n| n.under).collect();
+        let numbers = needs.iter().filter_map(|n| n.under).max().map_or(0, |most| most + 1);
+        let mut at: FxHashMap<[i32; 3], usize> =
+            needs.iter().enumerate().filter(|(_, n)| n.under.is_none()).map(|(k, n)| (cell(n), k)).collect();
+        for need in other.needs {
+            if need.under.is_some() {
+                if !known.contains(&need.under) {
+                    needs.push(Need { under: need.under.map(|k| k + numbers), ..need });
+                }
+            } else if let Some(k) = at.get(&cell(&need)) {
+                let same = &mut needs[*k];
+                same.area_mm2 = same.area_mm2.max(need.area_mm2);
+                if need.at_mm[2] < same.at_mm[2] {
+                    same.at_mm = need.at_mm;
+                }
+            } else {
+                at.insert(cell(&need), needs.len());
+                needs.push(need);
+            }
+        }
+        let cut_off = self.cut_off || other.cut_off || needs.len() > MAX_NEEDS;
+        needs.truncate(MAX_NEEDS);
+        Demand::of(needs, cell_mm, cut_off)
+    }
+
+    /// Leaves out what is not to be held after all.
+    pub fn keep(&mut self, is_needed: impl Fn(&Need) -> bool) {
+        let mut needs = std::mem::take(&mut self.needs);
+        needs.retain(is_needed);
+        *self = Demand::of(needs, self.cell_mm, self.cut_off);
+    }
+
+    /// Needs in their order, and to which regions they belong.
+    fn of(mut needs: Vec<Need>, cell_mm: f64, cut_off: bool) -> Demand {
+        let key = |n: &Need| [n.at_mm[2], n.at_mm[1], n.at_mm[0]];
+        let order = |a: &Need, b: &Need| key(a).partial_cmp(&key(b)).unwrap_or(Ordering::Equal);
+        needs.sort_by(|a, b| b.island.cmp(&a.island).then_with(|| order(a, b)));
+        let regions = join(&mut needs, cell_mm);
         let area_mm2 = needs.iter().map(|n| n.area_mm2).sum();
-        Demand { needs, regions, area_mm2, cell_mm, cut_off: self.cut_off }
+        Demand { needs, regions, area_mm2, cell_mm, cut_off }
     }
 }
 
@@ -121,9 +193,12 @@ impl Watch for Gather {
         for piece in seen.overhang {
             self.piece(&piece.polygon, z_mm);
             if piece.island {
-                let at = inside(&piece.polygon, self.cell_mm);
-                let centroid = piece.polygon.centroid_mm();
-                self.islands.push((seen.layer.number, centroid, [at[0], at[1], z_mm]));
+                let (layer, centroid_mm) = (seen.layer.number, piece.polygon.centroid_mm());
+                let others = places(&piece.polygon, self.cell_mm / 2.0);
+                let every = others.len().div_ceil(MAX_PLACES - 1).max(1);
+                let first = inside(&piece.polygon, self.cell_mm);
+                let places = std::iter::once(first).chain(others.into_iter().step_by(every)).collect();
+                self.islands.push(Appears { layer, centroid_mm, z_mm, places });
             }
         }
     }
@@ -266,6 +341,60 @@ mod tests {
         assert!((z - 3.0).abs() < 1e-9, "{z}");
         let within = 1.0..=8.0;
         assert!(!within.contains(&x) || !within.contains(&y), "{x} {y}");
+    }
+
+    #[test]
+    fn an_island_tells_where_else_it_may_be_held() {
+        // The tongue touches the post's own overhang, one cell away.
+        let found = demand(|z| match z {
+            z if z < 4.0 => region(&[[0.0, 0.0, 2.0, 2.0]]),
+            _ => region(&[[0.0, 0.0, 4.0, 2.0], [4.3, 0.0, 9.3, 1.0], [8.3, 0.0, 9.3, 5.0]]),
+        });
+        let under: Vec<&Need> = found.needs.iter().filter(|n| n.under == Some(0)).collect();
+        assert!(under[0].island && under[1..].iter().all(|n| !n.island && n.region == under[0].region));
+        assert!((10..=MAX_PLACES).contains(&under.len()), "{}", under.len());
+        let bar = |[x, y, _]: [f64; 3]| (4.3..=9.3).contains(&x) && (0.0..=1.0).contains(&y);
+        let arm = |[x, y, _]: [f64; 3]| (8.3..=9.3).contains(&x) && (0.0..=5.0).contains(&y);
+        for need in under {
+            assert!((bar(need.at_mm) || arm(need.at_mm)) && (need.at_mm[2] - 4.0).abs() < 1e-9, "{need:?}");
+        }
+    }
+
+    #[test]
+    fn two_demands_are_one() {
+        let need = |x: f64, z: f64, area_mm2: f64| Need {
+            at_mm: [x, 0.5, z],
+            area_mm2,
+            region: 0,
+            island: false,
+            under: None,
+        };
+        let island = |x: f64, under: u32| Need { island: true, under: Some(under), ..need(x, 5.0, 0.0) };
+        let place = |x: f64, under: u32| Need { under: Some(under), ..need(x, 5.0, 0.0) };
+        let of = |needs: Vec<Need>| Demand::of(needs, 1.0, false);
+        let a = of(vec![island(1.5, 0), place(1.7, 0), need(0.5, 5.4, 1.0), need(8.5, 3.0, 2.0)]);
+        let b = of(vec![
+            island(2.5, 0),
+            place(2.7, 0),
+            island(30.5, 1),
+            place(30.6, 1),
+            need(0.5, 5.2, 0.5),
+            need(20.5, 3.0, 4.0),
+        ]);
+        let both = a.with(b);
+        let got: Vec<_> = both.needs.iter().map(|n| (n.at_mm[0], n.at_mm[2], n.area_mm2, n.under)).collect();
+        // Of both islands that touch one is left; in the shared cell the larger area at the lower place.
+        let expect = [
+            (1.5, 5.0, 0.0, Some(0)),
+            (30.5, 5.0, 0.0, Some(2)),
+            (8.5, 3.0, 2.0, None),
+            (20.5, 3.0, 4.0, None),
+            (1.7, 5.0, 0.0, Some(0)),
+            (30.6, 5.0, 0.0, Some(2)),
+            (0.5, 5.2, 1.0, None),
+        ];
+        assert_eq!(got, expect);
+        assert_eq!((both.regions, both.area_mm2), (4, 7.0));
     }
 
     #[test]

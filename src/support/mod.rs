@@ -23,6 +23,7 @@ pub mod demand;
 mod grow;
 mod improve;
 pub mod look;
+pub mod model;
 pub mod plan;
 pub mod points;
 pub mod proof;

@@ -6,7 +6,7 @@
 //!
 //! It holds when
 //! - no island of the part is left but those that were told as not to be held,
-//! - no support is itself an island (paper 003, section 4.3),
+//! - no support is itself an island (paper 003, section 4.3), specks aside as with the part,
 //! - each tip is there under what it holds, within its own diameter,
 //! - each overhanging place is within the spacing of a tip, or was told as not to be held.
 use super::demand::Gather;
@@ -151,9 +151,11 @@ pub fn prove<L: Layers>(
             !contacts.iter().any(held)
         })
         .collect();
+    // In pictures part and supports are one, and so are the specks of both.
+    let floating = found.islands.floating_aid.iter().filter(|i| i.own_area_mm2 >= own.min_area_mm2);
     Ok(Proof {
         islands_mm: found.islands.islands.iter().map(place).filter(|at| !told(*at)).collect(),
-        floating_mm: found.islands.floating_aid.iter().map(place).filter(|at| !told(*at)).collect(),
+        floating_mm: floating.map(place).filter(|at| !told(*at)).collect(),
         missing_tips_mm: tips.missing,
         far_mm2: far.iter().map(|n| n.area_mm2).sum(),
         far_mm: far.into_iter().map(|n| n.at_mm).collect(),

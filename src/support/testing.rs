@@ -5,7 +5,9 @@ use crate::detect::overhang::SelfSupport;
 use crate::layers::polygon::{Inside, resolve};
 use crate::layers::shape::{Bounds, Point, Region, Ring};
 use crate::layers::stack::{Layer, Layers};
+use crate::mesh::{self, Mesh, stl};
 use std::convert::Infallible;
+use std::io::Cursor;
 
 /// Rectangles `[x0, y0, x1, y1]` united, mm.
 pub(super) fn region(rectangles: &[[f64; 4]]) -> Region {
@@ -51,4 +53,19 @@ pub(super) fn seen(layers: Vec<Layer>, rules: &Rules) -> Look {
     let top = layers.last().map_or(0.0, |l| l.top_mm);
     let Ok(found) = look(&mut Given(layers), bounds, top, OWN, rules, &mut ());
     found
+}
+
+/// Boxes, lowest and highest corner, mm, as a mesh.
+pub(super) fn mesh(boxes: &[[[f64; 3]; 2]]) -> Mesh {
+    const FACES: [[usize; 4]; 6] =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let mut triangles = Vec::new();
+    for ends in boxes {
+        let corner = |k: usize| [0, 1, 2].map(|axis| ends[k >> axis & 1][axis] as f32);
+        let halves = FACES.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]);
+        triangles.extend(halves.map(|t| t.map(corner)));
+    }
+    let mut file = Vec::new();
+    stl::write(&mut file, &triangles).expect("memory takes it");
+    mesh::read(&mut Cursor::new(file)).expect("a model").0
 }

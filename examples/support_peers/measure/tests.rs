@@ -21,7 +21,7 @@ fn printed<'a>([part, support]: &'a [Vec<Region>; 2], gap: usize) -> Printed<'a>
 }
 
 fn need(x: f64, area_mm2: f64, island: bool) -> Need {
-    Need { at_mm: [x, 1.0, 1.0], area_mm2, region: 0, island }
+    Need { at_mm: [x, 1.0, 1.0], area_mm2, region: 0, island, under: None }
 }
 
 #[test]

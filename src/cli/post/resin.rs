@@ -2,7 +2,7 @@
 //!
 //! There is no hook of a slicer here: without an output there is nothing to do, and the
 //! file stays. With one, the format is what its name ends in.
-use super::{Args, forgive, write_report};
+use super::{Args, Supports, forgive, write_report};
 use crate::cli::files::{self, Replacement, Seen};
 use crate::cli::progress;
 use crate::resin::job::{Format, Job};
@@ -61,7 +61,7 @@ pub(super) fn unfit(args: &Args) -> Option<String> {
         ("--first-layer", args.first_layer),
         ("--picture", args.picture.is_some()),
         ("--profile", args.profile.is_some()),
-        ("--supports replace", args.supports.as_deref() == Some("replace")),
+        ("--supports replace", args.supports == Some(Supports::Replace)),
     ];
     if let Some((name, _)) = given.into_iter().find(|(_, given)| *given) {
         return Some(format!("{name} is for G-code; {file} is a resin job"));

@@ -1,11 +1,11 @@
 //! `outrigger post --supports`: supports under what a sliced job would print in the air.
 //!
-//! The demand comes from the job itself, its beads or its images; no model is needed. What
-//! the slicer has already supported is held, unless its supports are to be replaced: then
-//! they are taken out first, into a file that has no name. The result is read anew and looked
+//! The demand comes from the job itself, its beads or its images; no model is needed, but one
+//! may be given ([`model`]). What the slicer has already supported is held, unless its supports
+//! are to be replaced: then they are taken out first, into a file that has no name. The result is read anew and looked
 //! at with the same detectors before it takes the job's place.
 use super::resin::{is_resin, named, open, written};
-use super::{Args, forgive, write_report};
+use super::{Args, Supports, forgive, model, write_report};
 use crate::cli::files::{self, Replacement, Seen};
 use crate::cli::material::{self, printed};
 use crate::cli::progress;
@@ -21,6 +21,7 @@ use crate::merge::together::Together;
 use crate::report::support::Report;
 use crate::support::cut::Cuts;
 use crate::support::look::{Look, look};
+use crate::support::model::Outlines;
 use crate::support::plan::{Branching, Placing, Plan, plan};
 use crate::support::proof::{Proof, prove};
 use crate::support::rules::{Process, Rules};
@@ -147,12 +148,11 @@ fn beads(file: &File) -> anyhow::Result<BeadLayers> {
 fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyhow::Result<()> {
     let seen_as = Seen::of(file)?;
     let target = args.output.as_deref().unwrap_or(path);
-    let replaces = args.supports.as_deref() == Some("replace");
     let mut input = file.try_clone().context("cannot read the file")?;
     let filament = material::of_gcode(&mut input).context("cannot read the file")?;
     let own = own_rules(args, filament.unwrap_or("pla"), Process::Filament, report)?;
     let began = Instant::now();
-    if replaces {
+    if args.supports == Some(Supports::Replace) {
         input = without_supports(args, input, target, report)?;
     }
     let mut layers = beads(&input)?;
@@ -167,7 +167,11 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
     report.seconds.read = began.elapsed().as_secs_f64();
     let looking = Instant::now();
     let bounds = layers.bounds();
-    let seen = look(&mut layers, bounds, height_mm, own, &rules, &mut ())?;
+    let mut outlines = args.model().map(|_| Outlines::default());
+    let mut seen = look(&mut layers, bounds, height_mm, own, &rules, &mut outlines)?;
+    if let Some((path, outlines)) = args.model().zip(outlines) {
+        model::added(path, args.align, (&mut seen, &outlines), beads(&input)?, own, &rules, report)?;
+    }
     report.seconds.look = looking.elapsed().as_secs_f64();
     let made = planned(args, &seen, &rules, report)?;
     drop(seen);
@@ -214,7 +218,12 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     let [x, y] = if placement.swap { [size[1], size[0]] } else { size };
     let bounds = Bounds { min: Point::default(), max: Point::from_mm(x, y) };
     let mut pictures = FromImages::new(job);
-    let seen = look(&mut pictures, bounds, height_mm, own, &rules, &mut ())?;
+    let mut outlines = args.model().map(|_| Outlines::default());
+    let mut seen = look(&mut pictures, bounds, height_mm, own, &rules, &mut outlines)?;
+    if let Some((path, outlines)) = args.model().zip(outlines) {
+        let again = FromImages::new(open(file)?);
+        model::added(path, args.align, (&mut seen, &outlines), again, own, &rules, report)?;
+    }
     report.seconds.look = began.elapsed().as_secs_f64();
     let made = planned(args, &seen, &rules, report)?;
     drop(seen);

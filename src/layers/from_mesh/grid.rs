@@ -35,19 +35,19 @@ pub(super) fn corners(mesh: &Mesh) -> Result<Vec<Corner>, SliceError> {
 /// Tells each corner how many planes are strictly below it.
 pub(super) fn set_levels(corners: &mut [Corner], planes: &[i32]) {
     let count = planes.len();
-    // But for the first, planes are evenly spaced within rounding: a guess is right or next to it.
+    // But for the first, planes are mostly evenly spaced: a guess is right or next to it.
     let (first, last) = (f64::from(planes[1.min(count - 1)]), f64::from(planes[count - 1]));
     let spacing = ((last - first) / (count.max(3) - 2) as f64).max(1.0);
     corners.par_iter_mut().for_each(|corner| {
-        let guess = (1.0 + (f64::from(corner.z) - first) / spacing).max(0.0) as usize;
-        let mut level = guess.min(count);
-        while level < count && planes[level] < corner.z {
-            level += 1;
-        }
-        while level > 0 && planes[level - 1] >= corner.z {
-            level -= 1;
-        }
-        corner.level = level as u32;
+        let z = corner.z;
+        let guess = ((1.0 + (f64::from(z) - first) / spacing).max(0.0) as usize).min(count);
+        let is_level = |level: &usize| {
+            *level <= count
+                && (*level == 0 || planes[level - 1] < z)
+                && planes.get(*level).is_none_or(|p| *p >= z)
+        };
+        let near = [guess, guess + 1, guess.saturating_sub(1)].into_iter().find(is_level);
+        corner.level = near.unwrap_or_else(|| planes.partition_point(|p| *p < z)) as u32;
     });
 }
 

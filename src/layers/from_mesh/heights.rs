@@ -31,12 +31,11 @@ impl LayerHeights {
         LayerHeights { layer_mm, first_mm: layer_mm }
     }
 
-    /// A layer of nothing, with its number and heights. Each height is computed by
-    /// itself, so that nothing adds up.
-    pub(super) fn empty_layer(self, number: u32) -> Layer {
+    /// Where a layer begins and ends, mm. Each height is computed by itself, so that
+    /// nothing adds up.
+    fn of(self, number: u32) -> [f64; 2] {
         let top = |n: u32| self.first_mm + f64::from(n) * self.layer_mm;
-        let bottom_mm = number.checked_sub(1).map_or(0.0, top);
-        Layer { number, bottom_mm, top_mm: top(number), ..Layer::default() }
+        [number.checked_sub(1).map_or(0.0, top), top(number)]
     }
 
     fn check(self) -> Result<(), SliceError> {
@@ -49,10 +48,50 @@ impl LayerHeights {
     }
 }
 
-/// The planes below the top of a part, from the plate up, in grid steps: the middle
-/// of each layer, rounded by itself. A part ends in the last layer whose middle it
-/// reaches beyond.
-pub(super) fn planes(heights: LayerHeights, top: i32) -> Result<Vec<i32>, SliceError> {
+/// Where all layers begin and end.
+#[derive(Debug)]
+pub(super) enum Levels {
+    /// As the user wants them.
+    Even(LayerHeights),
+    /// As they are given, mm.
+    Given(Vec<[f64; 2]>),
+}
+
+impl Levels {
+    /// A layer of nothing, with its number and heights.
+    pub(super) fn empty_layer(&self, number: u32) -> Layer {
+        let [bottom_mm, top_mm] = match self {
+            Levels::Even(heights) => heights.of(number),
+            Levels::Given(levels) => levels[number as usize],
+        };
+        Layer { number, bottom_mm, top_mm, ..Layer::default() }
+    }
+
+    /// The planes from the plate up, in grid steps: the middle of each layer, rounded by
+    /// itself. A part whose top is there ends in the last layer whose middle it reaches
+    /// beyond; layers that are given go on above it, empty.
+    pub(super) fn planes(&self, top: i32) -> Result<Vec<i32>, SliceError> {
+        match self {
+            Levels::Even(heights) => even(*heights, top),
+            Levels::Given(levels) => given(levels),
+        }
+    }
+}
+
+/// Planes of heights from a job.
+fn given(levels: &[[f64; 2]]) -> Result<Vec<i32>, SliceError> {
+    let middles = levels.iter().map(|[bottom, top]| (bottom + top) / 2.0 * UNITS_PER_MM);
+    // What is not finite or too high for the grid becomes something that does not rise.
+    let planes: Vec<i32> = middles.map(|p| p.round() as i32).collect();
+    let falls = planes.windows(2).position(|p| p[1] <= p[0]).map(|k| k + 1);
+    match falls.or(planes.first().is_none_or(|p| *p < 0).then_some(0)) {
+        Some(layer) => Err(SliceError::Heights { layer: layer as u32 }),
+        None => Ok(planes),
+    }
+}
+
+/// Planes of layers of one thickness.
+fn even(heights: LayerHeights, top: i32) -> Result<Vec<i32>, SliceError> {
     heights.check()?;
     let part_mm = f64::from(top) / UNITS_PER_MM;
     let expected = (part_mm - heights.first_mm) / heights.layer_mm + 1.0;
@@ -61,7 +100,8 @@ pub(super) fn planes(heights: LayerHeights, top: i32) -> Result<Vec<i32>, SliceE
     }
     let mut planes = Vec::with_capacity(expected.max(0.0) as usize + 2);
     for number in 0.. {
-        let plane = (heights.empty_layer(number).plane_mm() * UNITS_PER_MM).round();
+        let [bottom_mm, top_mm] = heights.of(number);
+        let plane = ((bottom_mm + top_mm) / 2.0 * UNITS_PER_MM).round();
         if plane >= f64::from(top) {
             break;
         }
@@ -80,7 +120,7 @@ mod tests {
     #[test]
     fn planes_are_the_middles_of_the_layers() {
         let check = |layer_mm: f64, first_mm: f64, top: i32, expect: Result<&[i32], &str>| {
-            let found = planes(LayerHeights { layer_mm, first_mm }, top).map_err(|e| e.to_string());
+            let found = even(LayerHeights { layer_mm, first_mm }, top).map_err(|e| e.to_string());
             match (&found, expect) {
                 (Ok(planes), Ok(expect)) => assert_eq!(planes, expect),
                 (Err(message), Err(part)) => assert!(message.contains(part), "{message}"),
@@ -104,7 +144,22 @@ mod tests {
     #[test]
     fn heights_do_not_drift() {
         let heights = LayerHeights::even(0.025);
-        let last = *planes(heights, 200_000_000).unwrap().last().unwrap();
+        let last = *even(heights, 200_000_000).unwrap().last().unwrap();
         assert_eq!(last, 200_000_000 - 125);
+    }
+
+    #[test]
+    fn planes_of_a_job_are_the_middles_of_its_layers_as_long_as_they_rise() {
+        let check = |levels: &[[f64; 2]], expect: Result<&[i32], u32>| {
+            let expect = expect.map(<[i32]>::to_vec).map_err(|layer| SliceError::Heights { layer });
+            assert_eq!(Levels::Given(levels.to_vec()).planes(1000), expect);
+        };
+        check(&[[0.0, 0.3], [0.3, 0.4], [0.4, 0.6]], Ok(&[1500, 3500, 5000]));
+        check(&[[0.0, 0.3], [0.3, 0.2]], Ok(&[1500, 2500]));
+        check(&[[0.0, 0.3], [0.0, 0.3]], Err(1));
+        check(&[[0.0, 0.2], [0.2, f64::NAN]], Err(1));
+        check(&[[0.0, 0.2], [1e9, 1e9], [1e9, 2e9]], Err(2));
+        check(&[[-1.0, 0.2]], Err(0));
+        check(&[], Err(0));
     }
 }

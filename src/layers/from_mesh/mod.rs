@@ -26,6 +26,7 @@ use super::tangle::tangled;
 use super::tidy::tidy;
 use crate::mesh::Mesh;
 use grid::Corner;
+use heights::Levels;
 pub use heights::{LayerHeights, MAX_LAYER_MM, MAX_LAYERS, MIN_LAYER_MM};
 use join::Joined;
 use rayon::prelude::*;
@@ -90,6 +91,12 @@ pub enum SliceError {
         /// The coordinate, mm.
         mm: f64,
     },
+    /// Heights that do not rise.
+    #[error("layer {layer} does not begin above the one below it, as layers of a job must")]
+    Heights {
+        /// From 0 at the plate.
+        layer: u32,
+    },
     /// It was not put on the plate.
     #[error("the mesh reaches {mm} mm below the plate: put it on the plate before it is sliced")]
     BelowPlate {
@@ -138,7 +145,7 @@ pub struct Sliced {
 /// The layers of a mesh, from the plate up.
 pub struct FromMesh<'a> {
     mesh: &'a Mesh,
-    heights: LayerHeights,
+    levels: Levels,
     corners: Vec<Corner>,
     planes: Vec<i32>,
     sweep: Sweep,
@@ -175,18 +182,32 @@ impl<'a> FromMesh<'a> {
     /// Heights out of range, a mesh without triangles, too flat, too large, below the
     /// plate, or not put together as [`Mesh`] says.
     pub fn new(mesh: &'a Mesh, heights: LayerHeights) -> Result<FromMesh<'a>, SliceError> {
+        FromMesh::with(mesh, Levels::Even(heights))
+    }
+
+    /// The same with layers that begin and end at given heights, mm, as those of a job do.
+    ///
+    /// Layers above the mesh are empty.
+    ///
+    /// # Errors
+    /// Those of [`FromMesh::new`], and heights whose middles do not rise.
+    pub fn at(mesh: &'a Mesh, heights: Vec<[f64; 2]>) -> Result<FromMesh<'a>, SliceError> {
+        FromMesh::with(mesh, Levels::Given(heights))
+    }
+
+    fn with(mesh: &'a Mesh, levels: Levels) -> Result<FromMesh<'a>, SliceError> {
         grid::check(mesh)?;
         let mut corners = grid::corners(mesh)?;
         let [bottom, top] = grid::reach(&corners, &mesh.triangles);
         if bottom < 0 {
             return Err(SliceError::BelowPlate { mm: f64::from(-bottom) / UNITS_PER_MM });
         }
-        let planes = heights::planes(heights, top)?;
+        let planes = levels.planes(top)?;
         grid::set_levels(&mut corners, &planes);
         let sweep = Sweep::new(grid::spans(&corners, &mesh.triangles), planes.len());
         Ok(FromMesh {
             mesh,
-            heights,
+            levels,
             corners,
             planes,
             sweep,
@@ -226,7 +247,7 @@ impl<'a> FromMesh<'a> {
         if let Ok(mut pool) = self.scratch.lock() {
             pool.push(scratch);
         }
-        let layer = self.heights.empty_layer(plane.number);
+        let layer = self.levels.empty_layer(plane.number);
         let crossing = nested.is_none();
         let part = match nested {
             Some(part) => part,

@@ -241,6 +241,36 @@ fn layers_add_up_to_the_volume() {
 }
 
 #[test]
+fn a_jobs_own_heights_cut_where_they_are() {
+    // A pyramid: at each height a square of 10 mm less the height.
+    let (top, base) = ([5.0, 5.0, 10.0], [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
+    let base = base.map(|[x, y]: [f64; 2]| [x, y, 0.0]);
+    let side = |k: usize| [base[k], base[(k + 1) % 4], top];
+    let soup: Soup =
+        (0..4).map(side).chain([[base[0], base[2], base[1]], [base[0], base[3], base[2]]]).collect();
+    let mesh = mesh(&soup);
+    // Irregular, with a gap, and beyond the top.
+    let heights = vec![[0.0, 0.3], [0.3, 0.4], [0.4, 2.0], [5.0, 5.1], [5.1, 5.9], [9.8, 9.9], [9.9, 12.0]];
+    let mut source = FromMesh::at(&mesh, heights.clone()).expect("a mesh that can be sliced");
+    let layers = source.next_batch().expect("layers").expect("some");
+    assert_eq!(layers.len(), heights.len());
+    for (layer, [bottom_mm, top_mm]) in layers.iter().zip(heights) {
+        assert_eq!([layer.bottom_mm, layer.top_mm], [bottom_mm, top_mm]);
+        let side_mm = (10.0 - (bottom_mm + top_mm) / 2.0).max(0.0);
+        assert!((layer.part.area_mm2() - side_mm * side_mm).abs() < 0.01, "{layer:?}");
+    }
+    // Even ones are the same either way.
+    let (even, _) = layers_of(&mesh, LayerHeights { layer_mm: 0.2, first_mm: 0.3 });
+    let heights = even.iter().map(|l| [l.bottom_mm, l.top_mm]).collect();
+    let mut source = FromMesh::at(&mesh, heights).expect("a mesh that can be sliced");
+    let mut given = Vec::new();
+    while let Some(batch) = source.next_batch().expect("layers") {
+        given.extend(batch);
+    }
+    assert_eq!(given, even);
+}
+
+#[test]
 fn the_number_of_threads_changes_nothing() {
     let soup = [torus(40, 30, 5.0), cuboid([4.0, -1.0, 0.0], [9.0, 1.0, 3.0])].concat();
     let mesh = mesh(&soup);

@@ -43,7 +43,7 @@ fn tree() -> Forest {
 }
 
 fn need(at_mm: [f64; 3], area_mm2: f64, island: bool) -> Need {
-    Need { at_mm, area_mm2, region: 0, island }
+    Need { at_mm, area_mm2, region: 0, island, under: None }
 }
 
 fn unheld(z: f64, area_mm2: f64, island: bool) -> Unheld {

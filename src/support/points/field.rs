@@ -142,17 +142,18 @@ impl<'a> Field<'a> {
         self.demand.needs[need as usize].area_mm2 + 1e-3
     }
 
-    /// Where a tip holds an island: right under it, or as near as there is room.
+    /// Where a tip holds an island: at its middle, or at the place of it that has room and is
+    /// the nearest to this.
     pub(super) fn under_island(&self, need: u32) -> Option<u32> {
         if self.price(need).is_some() {
             return Some(need);
         }
         let own = &self.demand.needs[need as usize];
-        let layer = |k: &u32| (self.demand.needs[*k as usize].at_mm[2] - own.at_mm[2]).abs() < 1e-6;
-        let can = |k: &u32| self.price(*k).is_some();
-        let apart = |k: &u32| apart2(&self.demand.needs[*k as usize], own);
+        let of = |k: &u32| &self.demand.needs[*k as usize];
+        let fits = |k: &u32| of(k).under.is_some() && of(k).under == own.under && self.price(*k).is_some();
         let near = self.holds(need);
-        near.iter().copied().filter(|k| layer(k) && can(k)).min_by(|a, b| apart(a).total_cmp(&apart(b)))
+        let apart = |k: &u32| apart2(of(k), own);
+        near.iter().copied().filter(fits).min_by(|a, b| apart(a).total_cmp(&apart(b)))
     }
 
     /// The tips there, and what they do not hold.
@@ -217,14 +218,49 @@ impl<'a> Field<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::rules::Process;
+    use super::super::super::testing::{layers, region, seen};
     use super::*;
     use proptest::prelude::*;
+
+    /// An island over a shelf that leaves no room for a tip but at its end.
+    #[test]
+    fn an_island_is_held_where_it_has_room() {
+        let island = [10.0, 0.0, 20.0, 1.0];
+        // The post's own overhang ends next to the island's middle, and has room.
+        let part = |shelf_to: f64| {
+            seen(
+                layers(60, 0.1, |z| match z {
+                    z if z < 4.6 => region(&[[0.0, 0.0, 2.0, 12.0]]),
+                    z if z < 4.9 => region(&[[0.0, 0.0, 2.0, 12.0], [0.0, -2.0, shelf_to, 1.4]]),
+                    z if z < 5.0 => region(&[[0.0, 0.0, 2.0, 12.0]]),
+                    _ => region(&[[0.0, 0.0, 2.0, 12.0], [0.0, 1.5, 16.0, 12.0], island]),
+                }),
+                &Rules::usual(Process::Resin, 0.1),
+            )
+        };
+        for (shelf_to, from) in [(9.0, Some(14.9)), (16.0, Some(16.0)), (21.0, None)] {
+            let look = part(shelf_to);
+            let (rules, demand) = (Rules::usual(Process::Resin, 0.1), &look.demand);
+            let site = Site::new(&look.space, &rules);
+            let field = Field::new(demand, &site, &rules);
+            let middle = demand.needs.iter().position(|n| n.island).expect("an island") as u32;
+            let tip = field.under_island(middle).map(|k| demand.needs[k as usize].at_mm);
+            match (tip, from) {
+                (Some([x, y, _]), Some(from)) => {
+                    assert!((from..=20.0).contains(&x) && (0.0..=1.0).contains(&y), "{shelf_to}: {tip:?}");
+                }
+                (None, None) => {}
+                _ => panic!("{shelf_to}: {tip:?}"),
+            }
+        }
+    }
 
     proptest! {
         /// Lists say what looking it up says, or there are none.
         #[test]
         fn lists_are_as_looked_up(places in prop::collection::vec(([0.0..9.0, 0.0..9.0, 0.0..2.0_f64], 0..3_u32), 1..80)) {
-            let need = |(at_mm, region): ([f64; 3], u32)| Need { at_mm, area_mm2: 1.0, region, island: false };
+            let need = |(at_mm, region): ([f64; 3], u32)| Need { at_mm, area_mm2: 1.0, region, island: false, under: None };
             let needs: Vec<Need> = places.into_iter().map(need).collect();
             let near = Near::new(&needs, 2.0);
             let all = 0..needs.len() as u32;
