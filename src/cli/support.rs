@@ -19,9 +19,10 @@ use crate::mesh::{self, Mesh, place, stl};
 use crate::report::support::Report;
 use crate::report::turn;
 use crate::support::cut::Cuts;
+use crate::support::demand::Demand;
 use crate::support::look::{Look, look};
 use crate::support::plan::{Branching, Placing, Plan, plan};
-use crate::support::proof::{Proof, prove};
+use crate::support::proof::{Promise, Proof, prove};
 use crate::support::rules::{Process, Rules};
 use anyhow::{Context, ensure};
 use clap::Args as ClapArgs;
@@ -140,7 +141,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     report.seconds.plan = planning.elapsed().as_secs_f64();
     let file = as_file(&made)?;
     let proving = Instant::now();
-    let proof = if made.forest.nodes.is_empty() { Proof::default() } else { proved(&file, &task, &made)? };
+    let proof = if made.forest.nodes.is_empty() {
+        Proof::default()
+    } else {
+        proved(&file, &task, &seen.demand, &made)?
+    };
     report.amiss = proof.words();
     report.seconds.proof = proving.elapsed().as_secs_f64();
     report.seconds.total = began.elapsed().as_secs_f64();
@@ -221,7 +226,7 @@ fn as_file(made: &Plan) -> anyhow::Result<Vec<u8>> {
 }
 
 /// Reads the file of the supports as any program would, and looks at both together.
-fn proved(file: &[u8], task: &Task, made: &Plan) -> anyhow::Result<Proof> {
+fn proved(file: &[u8], task: &Task, demand: &Demand, made: &Plan) -> anyhow::Result<Proof> {
     let (supports, read) = mesh::read(&mut Cursor::new(file)).context("the supports cannot be read again")?;
     ensure!(read.mended.is_closed(), "the supports are no closed bodies: please report it with the model");
     let raised = {
@@ -235,7 +240,10 @@ fn proved(file: &[u8], task: &Task, made: &Plan) -> anyhow::Result<Proof> {
         aids.push(cut(&raised)?);
     }
     let mut layers = Together::new(FromMesh::new(&task.mesh, task.heights)?, aids);
-    Ok(prove(&mut layers, made, &task.rules, task.own, task.heights.layer_mm, task.rules.gap_mm.max(0.0))?)
+    let Task { rules, own, .. } = task;
+    let promise =
+        Promise { plan: made, demand, floating: &[], rules, own: *own, layer_mm: task.heights.layer_mm };
+    Ok(prove(&mut layers, &promise, rules.gap_mm.max(0.0))?)
 }
 
 fn tell(args: &Args, report: &Report) -> anyhow::Result<()> {

@@ -7,9 +7,11 @@
 //! It holds when
 //! - no island of the part is left but those that were told as not to be held,
 //! - no support is itself an island (paper 003, section 4.3), specks aside as with the part,
+//!   and what the slicer itself began in the air,
 //! - each tip is there under what it holds, within its own diameter,
-//! - each overhanging place is within the spacing of a tip, or was told as not to be held.
-use super::demand::Gather;
+//! - each place that hung and still overhangs is within the spacing of a tip, or was told as
+//!   not to be held.
+use super::demand::{Demand, Gather, Need};
 use super::plan::Plan;
 use super::rules::Rules;
 use super::tree::Kind;
@@ -19,6 +21,7 @@ use crate::detect::walk::{Ask, LayerAsk, Seen, Watch, walk};
 use crate::layers::shape::{Place, Point};
 use crate::layers::stack::Layers;
 use crate::mesh::vector::distance;
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::f64::consts::TAU;
 
 /// A place that a cell of the demand stands for may lie a cell off, and another one in the
@@ -106,20 +109,65 @@ impl Watch for Tips {
     }
 }
 
+/// What was promised of a result, and what was there before.
+#[derive(Clone, Copy, Debug)]
+pub struct Promise<'a> {
+    /// What was planned.
+    pub plan: &'a Plan,
+    /// What was to be held.
+    pub demand: &'a Demand,
+    /// What began in the air of the slicer's own supports, brims and towers.
+    pub floating: &'a [Island],
+    /// The rules of the plan.
+    pub rules: &'a Rules,
+    /// What the material holds itself.
+    pub own: SelfSupport,
+    /// Height of a layer, mm.
+    pub layer_mm: f64,
+}
+
+impl Promise<'_> {
+    /// Whether an island was there before, of the slicer's own.
+    fn was_floating(&self, island: &Island) -> bool {
+        let meet = |other: &Island| {
+            let [low, high] = island.bbox_mm;
+            let [from, to] = other.bbox_mm;
+            (0..2).all(|k| low[k] <= to[k] && from[k] <= high[k])
+        };
+        self.floating.iter().any(|f| f.layer == island.layer && meet(f))
+    }
+}
+
+/// Cells in which something is.
+struct Around {
+    cell_mm: f64,
+    cells: FxHashSet<[i32; 3]>,
+}
+
+impl Around {
+    fn new(places: impl Iterator<Item = [f64; 3]>, cell_mm: f64) -> Around {
+        let cells = places.map(|at| at.map(|c| (c / cell_mm).floor() as i32)).collect();
+        Around { cell_mm, cells }
+    }
+
+    /// Whether something is in the cell of a place or one that it touches.
+    fn has(&self, at: [f64; 3]) -> bool {
+        let [x, y, z] = at.map(|c| (c / self.cell_mm).floor() as i32);
+        (0..27).any(|k| self.cells.contains(&[x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1]))
+    }
+}
+
 /// Looks at the result. `layers` have the supports as their aid, so that a tip meets what it
 /// holds: `raised_mm` says by how much all of them were raised for that; 0 where only what
 /// ends below the part was lengthened.
 ///
+/// Support takes no hold away: where nothing hung before, what hangs now is what the search
+/// for bridges, which lays all of a piece in one direction, found otherwise.
+///
 /// # Errors
 /// Those of the layers' source.
-pub fn prove<L: Layers>(
-    layers: &mut L,
-    plan: &Plan,
-    rules: &Rules,
-    own: SelfSupport,
-    layer_mm: f64,
-    raised_mm: f64,
-) -> Result<Proof, L::Error> {
+pub fn prove<L: Layers>(layers: &mut L, promise: &Promise<'_>, raised_mm: f64) -> Result<Proof, L::Error> {
+    let Promise { plan, demand, rules, own, layer_mm, .. } = *promise;
     let gap_mm = rules.gap_mm.max(0.0);
     let contacts: Vec<[f64; 3]> =
         plan.forest.nodes.iter().filter(|n| n.kind == Kind::Tip).map(|n| n.at_mm).collect();
@@ -140,19 +188,25 @@ pub fn prove<L: Layers>(
     let off = CELLS_OFF * rules.cell_mm();
     let told = |at: [f64; 3]| plan.points.unheld_mm.iter().any(|u| distance(*u, at) <= off);
     let place = |i: &Island| [i.centroid_mm[0], i.centroid_mm[1], i.z_mm];
-    let demand = tips.gather.finish(&found.islands.islands, own.min_area_mm2, rules.caught_mm);
+    let left = tips.gather.finish(&found.islands.islands, own.min_area_mm2, rules.caught_mm);
     let reach = rules.spacing_mm + off;
-    let far: Vec<_> = demand
+    let hung = Around::new(demand.needs.iter().map(|n| n.at_mm), off);
+    let mut far: Vec<&Need> = left
         .needs
         .iter()
-        .filter(|n| !n.island && !told(n.at_mm))
+        .filter(|n| !n.island && hung.has(n.at_mm) && !told(n.at_mm))
         .filter(|n| {
             let held = |t: &[f64; 3]| distance([t[0], t[1], t[2] + gap_mm], n.at_mm) <= reach;
             !contacts.iter().any(held)
         })
         .collect();
+    // What of an overhang is too far counts where it would as an overhang of its own.
+    let mut area: FxHashMap<u32, f64> = FxHashMap::default();
+    far.iter().for_each(|n| *area.entry(n.region).or_default() += n.area_mm2);
+    far.retain(|n| area.get(&n.region).is_some_and(|area| *area >= own.min_area_mm2));
     // In pictures part and supports are one, and so are the specks of both.
-    let floating = found.islands.floating_aid.iter().filter(|i| i.own_area_mm2 >= own.min_area_mm2);
+    let floating = found.islands.floating_aid.iter();
+    let floating = floating.filter(|i| i.own_area_mm2 >= own.min_area_mm2 && !promise.was_floating(i));
     Ok(Proof {
         islands_mm: found.islands.islands.iter().map(place).filter(|at| !told(*at)).collect(),
         floating_mm: floating.map(place).filter(|at| !told(*at)).collect(),

@@ -71,6 +71,17 @@ pub struct Head {
     pub floor: Floor,
 }
 
+impl Head {
+    /// Where its axis is at a height, mm, or at the end that is the nearer.
+    #[must_use]
+    pub fn axis_mm(&self, z_mm: f64) -> [f64; 2] {
+        let high_mm = self.contact_mm[2] - self.end_mm[2];
+        let down = ((self.contact_mm[2] - z_mm) / high_mm).clamp(0.0, 1.0);
+        let down = if high_mm > 0.0 { down } else { 0.0 };
+        [0, 1].map(|k| self.contact_mm[k] + (self.end_mm[k] - self.contact_mm[k]) * down)
+    }
+}
+
 /// A way from a place down to what it stands on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Way {

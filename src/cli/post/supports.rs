@@ -23,7 +23,7 @@ use crate::support::cut::Cuts;
 use crate::support::look::{Look, look};
 use crate::support::model::Outlines;
 use crate::support::plan::{Branching, Placing, Plan, plan};
-use crate::support::proof::{Proof, prove};
+use crate::support::proof::{Promise, Proof, prove};
 use crate::support::rules::{Process, Rules};
 use anyhow::{Context, bail, ensure};
 use std::f64::consts::PI;
@@ -174,7 +174,7 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
     }
     report.seconds.look = looking.elapsed().as_secs_f64();
     let made = planned(args, &seen, &rules, report)?;
-    drop(seen);
+    let Look { demand, findings, .. } = seen;
     let cuts = Cuts::new(&made.forest, INTERFACE_LAYERS * report.layer_mm);
     if made.forest.nodes.is_empty() && report.replaced_mm3 == 0.0 {
         bail!(Nothing);
@@ -193,7 +193,10 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
     report.warnings.extend(merged.words());
     let proving = Instant::now();
     let mut result = beads(replacement.file())?;
-    let proof = prove(&mut result, &made, &rules, own, report.layer_mm, 0.0)?;
+    let floating = &findings.islands.floating_aid;
+    let promise =
+        Promise { plan: &made, demand: &demand, floating, rules: &rules, own, layer_mm: report.layer_mm };
+    let proof = prove(&mut result, &promise, 0.0)?;
     holds(&proof, report, proving)?;
     ensure!(seen_as.still_holds(file, path), "it was replaced or changed while it was read");
     replacement.put(file)
@@ -226,7 +229,7 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     }
     report.seconds.look = began.elapsed().as_secs_f64();
     let made = planned(args, &seen, &rules, report)?;
-    drop(seen);
+    let demand = seen.demand;
     if made.forest.nodes.is_empty() {
         bail!(Nothing);
     }
@@ -237,23 +240,22 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     let (mut replacement, written) = written(args, &mut open(file)?, format, &edits, target)?;
     report.warnings.extend(written.notes);
     let proving = Instant::now();
-    let result = proved(file, replacement.file(), &made, &rules, own, report.layer_mm)?;
-    holds(&result, report, proving)?;
+    // The job that was and the one that is: what the latter has besides is what holds.
+    let before = FromImages::new(open(file)?);
+    let mut both = Together::new(before, vec![FromImages::new(open(replacement.file())?)]);
+    let promise = Promise {
+        plan: &made,
+        demand: &demand,
+        floating: &[],
+        rules: &rules,
+        own,
+        layer_mm: report.layer_mm,
+    };
+    let proof = prove(&mut both, &promise, 0.0)?;
+    drop(both);
+    holds(&proof, report, proving)?;
     ensure!(seen_as.still_holds(file, path), "it was replaced or changed while it was read");
     replacement.put(file)
-}
-
-/// The job that was and the one that is: what the latter has besides is what holds.
-fn proved(
-    before: &File,
-    after: &File,
-    made: &Plan,
-    rules: &Rules,
-    own: SelfSupport,
-    layer_mm: f64,
-) -> anyhow::Result<Proof> {
-    let mut both = Together::new(FromImages::new(open(before)?), vec![FromImages::new(open(after)?)]);
-    Ok(prove(&mut both, made, rules, own, layer_mm, 0.0)?)
 }
 
 /// Heights come from sums: as people write them.

@@ -2,7 +2,7 @@
 //! does not.
 use super::super::cut::Cuts;
 use super::super::look::Look;
-use super::super::proof::{Proof, prove};
+use super::super::proof::{Promise, Proof, prove};
 use super::super::rules::Process;
 use super::super::section::Sections;
 use super::super::site::{Floor, Reason};
@@ -49,9 +49,14 @@ fn with_supports(mut part: Vec<Layer>, forest: &Forest, rules: &Rules) -> Vec<La
     part
 }
 
-fn proof(part: &[Layer], made: &Plan, rules: &Rules) -> Proof {
-    let mut result = Given(with_supports(part.to_vec(), &made.forest, rules));
-    let Ok(proof) = prove(&mut result, made, rules, OWN, LAYER_MM, rules.gap_mm.max(0.0));
+fn proof(part: &[Layer], look: &Look, made: &Plan, rules: &Rules) -> Proof {
+    proof_of(with_supports(part.to_vec(), &made.forest, rules), look, made, rules)
+}
+
+fn proof_of(result: Vec<Layer>, look: &Look, plan: &Plan, rules: &Rules) -> Proof {
+    let (demand, floating) = (&look.demand, &look.findings.islands.floating_aid);
+    let promise = Promise { plan, demand, floating, rules, own: OWN, layer_mm: LAYER_MM };
+    let Ok(proof) = prove(&mut Given(result), &promise, rules.gap_mm.max(0.0));
     proof
 }
 
@@ -124,7 +129,7 @@ fn check(part: &[Layer], process: Process) -> Vec<Plan> {
         assert_eq!(made, plan(&look.demand, &look.space, &rules, placing, branching), "deterministic");
         if placing == Placing::Cover {
             is_sound(part, &look, &made, &rules);
-            let proof = proof(part, &made, &rules);
+            let proof = proof(part, &look, &made, &rules);
             assert!(proof.holds(), "{process:?} {branching:?}: {:?}", proof.words());
         }
         made
@@ -185,7 +190,7 @@ fn what_is_walled_in_stands_on_the_part_or_is_told() {
     assert!(made.forest.tally().landings_on_model > 0 && made.forest.tally().trunks_on_plate == 0);
     assert!(made.points.tips.iter().all(|t| t.head.floor == Floor::Model));
     is_sound(&part, &look, &made, &rules);
-    assert!(proof(&part, &made, &rules).holds());
+    assert!(proof(&part, &look, &made, &rules).holds());
     rules.on_model = false;
     let made = plan(&look.demand, &look.space, &rules, Placing::Cover, Branching::Tree);
     assert!(made.forest.nodes.is_empty());
@@ -195,7 +200,7 @@ fn what_is_walled_in_stands_on_the_part_or_is_told() {
         assert!((unheld.place_mm[2] - 6.0).abs() < 0.11, "{unheld:?}");
     }
     // What was told is no fault of the result.
-    assert!(proof(&part, &made, &rules).holds());
+    assert!(proof(&part, &look, &made, &rules).holds());
 }
 
 #[test]
@@ -220,9 +225,7 @@ fn the_proof_finds_what_is_amiss() {
     let with = |change: &dyn Fn(&mut Plan)| {
         let mut other = made.clone();
         change(&mut other);
-        let mut result = Given(with_supports(part.clone(), &other.forest, &rules));
-        let Ok(found) = prove(&mut result, &made, &rules, OWN, LAYER_MM, rules.gap_mm.max(0.0));
-        found
+        proof_of(with_supports(part.clone(), &other.forest, &rules), &look, &made, &rules)
     };
     assert!(with(&|_| {}).holds());
     // A tip that ends too low, or stands elsewhere.
@@ -234,6 +237,17 @@ fn the_proof_finds_what_is_amiss() {
     let above = made.forest.nodes.iter().position(high).expect("a joint");
     let cut = with(&|p| p.forest.nodes[above].down = GROUND);
     assert!(!cut.floating_mm.is_empty(), "{cut:?}");
+    // What the slicer itself began in the air is not ours; at another place it is.
+    let with_aid = |x: f64| {
+        let mut layers = part.clone();
+        let block = region(&[[x, -6.0, x + 2.0, -4.0]]);
+        layers.iter_mut().filter(|l| l.bottom_mm > 20.0).for_each(|l| l.aid = block.clone());
+        layers
+    };
+    let theirs = seen(with_aid(5.0), &rules);
+    let result = |x: f64| with_supports(with_aid(x), &made.forest, &rules);
+    assert!(proof_of(result(5.0), &theirs, &made, &rules).holds());
+    assert_eq!(proof_of(result(9.0), &theirs, &made, &rules).floating_mm.len(), 1);
     // Nothing at all.
     let none = with(&|p| p.forest.nodes.clear());
     assert!(!none.missing_tips_mm.is_empty() && !none.holds());
@@ -246,7 +260,7 @@ fn the_proof_finds_what_is_amiss() {
     for k in &gone {
         (forgot.forest.nodes[*k].kind, forgot.forest.nodes[*k].down) = (Kind::Joint, GROUND);
     }
-    let found = proof(&part, &forgot, &rules);
+    let found = proof(&part, &look, &forgot, &rules);
     assert!(!gone.is_empty() && !found.far_mm.is_empty() && found.far_mm2 > 1.0, "{found:?}");
 }
 
@@ -265,7 +279,7 @@ fn an_island_close_above_the_part_is_told() {
     let made = plan(&look.demand, &look.space, &rules, Placing::Cover, Branching::Tree);
     let told: Vec<_> = made.points.unheld.iter().map(|u| (u.island, u.reason)).collect();
     assert_eq!(told, [(true, Reason::NoRoom)]);
-    assert!(proof(&part, &made, &rules).holds());
+    assert!(proof(&part, &look, &made, &rules).holds());
 }
 
 proptest! {
@@ -292,7 +306,7 @@ proptest! {
         let look = seen(part.clone(), &rules);
         let made = plan(&look.demand, &look.space, &rules, Placing::Cover, Branching::Tree);
         is_sound(&part, &look, &made, &rules);
-        let proof = proof(&part, &made, &rules);
+        let proof = proof(&part, &look, &made, &rules);
         prop_assert!(proof.holds(), "{:?}", proof);
     }
 }

@@ -18,6 +18,9 @@ const THIN_PRICE: f64 = 1.5;
 /// they are looked up each time.
 const MAX_LISTED: usize = 8 << 20;
 
+/// A tip holds an island of which a place is so near to its axis, in parts of its radius.
+const MEETS: f64 = 0.8;
+
 /// Needs that are listed at once.
 const AT_ONCE: usize = 1 << 14;
 
@@ -145,15 +148,21 @@ impl<'a> Field<'a> {
     /// Where a tip holds an island: at its middle, or at the place of it that has room and is
     /// the nearest to this.
     pub(super) fn under_island(&self, need: u32) -> Option<u32> {
-        if self.price(need).is_some() {
-            return Some(need);
-        }
         let own = &self.demand.needs[need as usize];
         let of = |k: &u32| &self.demand.needs[*k as usize];
-        let fits = |k: &u32| of(k).under.is_some() && of(k).under == own.under && self.price(*k).is_some();
         let near = self.holds(need);
+        let places: Vec<u32> =
+            near.iter().copied().filter(|k| of(k).under.is_some() && of(k).under == own.under).collect();
+        // A head that leans meets the underside beside its contact.
+        let meets = |k: &u32| {
+            let head = self.heads[*k as usize].ok()?;
+            let [x, y] = head.axis_mm(own.at_mm[2]);
+            let apart = |p: &u32| (of(p).at_mm[0] - x).hypot(of(p).at_mm[1] - y);
+            Some(places.iter().any(|p| apart(p) <= MEETS * head.contact_radius_mm))
+        };
+        let fits = |k: &u32| meets(k) == Some(true);
         let apart = |k: &u32| apart2(of(k), own);
-        near.iter().copied().filter(fits).min_by(|a, b| apart(a).total_cmp(&apart(b)))
+        places.iter().copied().filter(fits).min_by(|a, b| apart(a).total_cmp(&apart(b)))
     }
 
     /// The tips there, and what they do not hold.
@@ -245,7 +254,16 @@ mod tests {
             let site = Site::new(&look.space, &rules);
             let field = Field::new(demand, &site, &rules);
             let middle = demand.needs.iter().position(|n| n.island).expect("an island") as u32;
-            let tip = field.under_island(middle).map(|k| demand.needs[k as usize].at_mm);
+            let under = field.under_island(middle);
+            let tip = under.map(|k| demand.needs[k as usize].at_mm);
+            // Where its axis meets the underside there is something of the island as well.
+            if let Some(head) = under.and_then(|k| field.heads[k as usize].ok()) {
+                let ([x, y], wide) = (head.axis_mm(5.0), head.contact_radius_mm);
+                assert!(
+                    (10.0 - wide..=20.0 + wide).contains(&x) && (-wide..=1.0 + wide).contains(&y),
+                    "{head:?}"
+                );
+            }
             match (tip, from) {
                 (Some([x, y, _]), Some(from)) => {
                     assert!((from..=20.0).contains(&x) && (0.0..=1.0).contains(&y), "{shelf_to}: {tip:?}");
