@@ -174,6 +174,36 @@ fn sliced_jobs_get_what_holds_them() {
 }
 
 #[test]
+fn a_page_shows_a_job_with_what_holds_it() {
+    let folder = folder_of("job.gcode", gcode(65, lamp_at).as_bytes());
+    let post = ["post", "job.gcode", "--supports", "auto", "-o", "out.gcode", "-q", "--picture"];
+    outrigger(folder.path(), [&post[..], &["p.html"]].concat()).ends(0);
+    let page = fs::read_to_string(folder.path().join("p.html")).expect("the page");
+    let from = page.find("id=\"scene\">").expect("the scene") + 11;
+    let scene = &page[from..from + page[from..].find("</script>").expect("its end")];
+    let scene: Value = serde_json::from_str(scene).expect("JSON");
+    // The lamp's surface in cells of 0.2 × 0.2 × 0.6 mm or so: some thousand triangles.
+    let triangles = scene["part"]["count"].as_u64().expect("a count");
+    assert!((4_000..400_000).contains(&triangles), "{triangles}");
+    assert_eq!((&scene["title"], count(&scene["methods"])), (&"job.gcode".into(), 1));
+    outrigger(folder.path(), [&post[..], &["p.svg"]].concat()).ends(2).says(".html");
+    // A part whose tongue is enclosed: nothing is written but the page, which shows why.
+    let tongue = |z: f64| {
+        let mut at = vec![
+            [80.0, 80.0, 82.0, 120.0],
+            [118.0, 80.0, 120.0, 120.0],
+            [82.0, 80.0, 118.0, 82.0],
+            [82.0, 118.0, 118.0, 120.0],
+        ];
+        at.extend([[82.0, 95.0, 97.0, 105.0]].into_iter().filter(|_| (2.0..2.6).contains(&z)));
+        if z < 1.2 { vec![[80.0, 80.0, 120.0, 120.0]] } else { at }
+    };
+    let folder = folder_of("job.gcode", gcode(20, tongue).as_bytes());
+    outrigger(folder.path(), [&post[..], &["p.html"]].concat()).ends(1).says("cannot be held");
+    assert_eq!(names(folder.path()), ["job.gcode", "p.html"]);
+}
+
+#[test]
 fn a_slicers_supports_are_replaced() {
     // The slicer's own: a wall up to the peg, and one where nothing needs it.
     let job = gcode_with(65, |z| {

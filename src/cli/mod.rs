@@ -14,6 +14,7 @@ mod jobs;
 mod material;
 mod mock;
 mod model;
+mod page;
 mod picture;
 mod ports;
 mod post;

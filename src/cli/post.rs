@@ -10,7 +10,7 @@ mod supports;
 
 use super::files::{self, Replacement};
 use super::interrupt::clean_up_on_signal;
-use super::{picture, progress};
+use super::{page, picture, progress};
 use crate::post::passes::Wishes;
 use crate::post::report::Report;
 use crate::post::time::Accelerations;
@@ -48,11 +48,13 @@ pub(super) struct Args {
     /// Write what was done as JSON; "-" is standard output
     ///
     /// Of a resin job its fields are kind, kind_out, layers, layers_changed, notes,
-    /// seconds, unchanged_reason.
+    /// seconds, unchanged_reason. With --supports they are those of `outrigger support
+    /// --json`, replaced_mm3 (of the slicer's own), and model with file and moved_mm.
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
-    /// Draw the most improved layer's paths, before and after, as SVG
-    #[arg(long, value_name = "FILE.svg")]
+    /// Draw the most improved layer's paths, before and after, as SVG; with --supports the job
+    /// with what holds it: a page that turns, .html, that needs no network
+    #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// Grow supports under what would print in the air, and put them into the job
     ///
@@ -158,6 +160,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         eprintln!("outrigger: --align moves a model: name it with --supports");
         return Ok(ExitCode::from(2));
     }
+    let is_page = args.picture.as_deref().map(page::is_page);
+    if args.supports.is_some() && is_page == Some(false) {
+        eprintln!("outrigger: the picture of supports is a page: its name must end in .html");
+        return Ok(ExitCode::from(2));
+    }
     if resin::is_resin(&args.file) {
         if let Some(reason) = resin::unfit(args) {
             eprintln!("outrigger: {reason}");
@@ -173,11 +180,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         );
     }
     if args.supports.is_some() {
-        if let Some((name, _)) = [("--picture", args.picture.is_some()), ("--first-layer", args.first_layer)]
-            .into_iter()
-            .find(|(_, given)| *given)
-        {
-            eprintln!("outrigger: {name} does not go with --supports");
+        if args.first_layer {
+            eprintln!("outrigger: --first-layer does not go with --supports");
             return Ok(ExitCode::from(2));
         }
         return supports::run(args);

@@ -8,6 +8,7 @@ use super::files;
 use super::interrupt::clean_up_on_signal;
 use super::material::{Printed, printed};
 use super::model::{Model, not_negative, positive, slope};
+use super::page::{self, Surface};
 use super::progress;
 use crate::detect::overhang::SelfSupport;
 use crate::detect::walk::{Seen, Watch};
@@ -17,7 +18,6 @@ use crate::merge::into_mesh::triangles;
 use crate::merge::together::Together;
 use crate::mesh::{self, Mesh, place, stl};
 use crate::report::support::Report;
-use crate::report::turn;
 use crate::support::cut::Cuts;
 use crate::support::demand::Demand;
 use crate::support::look::{Look, look};
@@ -73,7 +73,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
     /// Draw the model with its supports: a page that turns, .html, that needs no network
-    #[arg(long, value_name = "FILE.html", value_parser = flags::page)]
+    #[arg(long, value_name = "FILE.html", value_parser = page::name)]
     picture: Option<PathBuf>,
     /// Say nothing unless something is wrong
     #[arg(short, long)]
@@ -150,7 +150,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     report.seconds.proof = proving.elapsed().as_secs_f64();
     report.seconds.total = began.elapsed().as_secs_f64();
     tell(args, &report)?;
-    draw(args, &task, &seen, &made, &report)?;
+    // Whether or not the supports may be written: it shows what cannot be held.
+    if let Some(to) = &args.picture {
+        let surface = Surface { vertices: &task.mesh.vertices, triangles: &task.mesh.triangles };
+        page::write(to, &args.file, &surface, &seen.demand, &made, &report)?;
+    }
     ensure!(
         proof.holds(),
         "the supports were not written, because the result does not hold: {}; this is a fault of the program: please report it with the model",
@@ -259,30 +263,6 @@ fn tell(args: &Args, report: &Report) -> anyhow::Result<()> {
         return Ok(());
     }
     files::write_whole(text.as_bytes(), to, "report")
-}
-
-/// The page, whether or not the supports may be written: it shows what cannot be held.
-fn draw(args: &Args, task: &Task, seen: &Look, made: &Plan, report: &Report) -> anyhow::Result<()> {
-    let Some(to) = &args.picture else { return Ok(()) };
-    let mut figures = serde_json::to_value(report).context("cannot make the page")?;
-    if let Some(fields) = figures.as_object_mut() {
-        for known in ["file", "method", "unroutable", "warnings", "amiss", "negligible"] {
-            fields.remove(known);
-        }
-    }
-    let method =
-        turn::Method { name: report.method, forest: &made.forest, unheld: &made.points.unheld, figures };
-    let title = args.file.file_name().unwrap_or_default().to_string_lossy();
-    let scene = turn::Scene {
-        title: &title,
-        vertices: &task.mesh.vertices,
-        triangles: &task.mesh.triangles,
-        needs: &seen.demand.needs,
-        methods: &[method],
-        notes: &report.warnings,
-    };
-    let page = turn::html(&scene).context("cannot make the page")?;
-    files::write_whole(page.as_bytes(), to, "picture")
 }
 
 fn write(args: &Args, task: &Task, made: &Plan, mut file: Vec<u8>) -> anyhow::Result<()> {

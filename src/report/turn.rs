@@ -8,10 +8,14 @@
 //! is text there whatever it holds.
 //!
 //! # Layout
+//! - [`hull()`]: a surface where a job has no mesh
 //! - `pack`: shapes as bytes
 //! - `thin`: a part with too many triangles
+mod hull;
 mod pack;
 mod thin;
+
+pub use self::hull::{Hull, hull};
 
 use super::embed::{base64, deflated, filled, json};
 use super::svg::escaped;

@@ -251,6 +251,14 @@ impl Clearance {
         self.grid.cell_mm
     }
 
+    /// What was drawn lies within these, mm.
+    #[must_use]
+    pub fn bounds_mm(&self) -> [[f64; 3]; 2] {
+        let Grid { origin: [x, y], cell_mm, size, slab_mm } = self.grid;
+        let wide = size.map(|cells| cells as f64 * cell_mm);
+        [[x, y, 0.0], [x + wide[0], y + wide[1], self.tops.len() as f64 * slab_mm]]
+    }
+
     /// How far a place is from the part in its slab, mm; negative inside and outside of the
     /// grid; large values are cut off at some 30 cells.
     #[must_use]

@@ -16,12 +16,15 @@ pub struct Look {
     pub space: Clearance,
     /// What detection says of the part.
     pub findings: Findings,
+    /// The part lies within these; what is printed beside it may not.
+    pub part: Bounds,
 }
 
 /// Layers that are drawn as they pass.
 struct Drawn<'a, L> {
     layers: &'a mut L,
     drawing: Drawing,
+    part: Bounds,
 }
 
 impl<L: Layers> Layers for Drawn<'_, L> {
@@ -35,6 +38,7 @@ impl<L: Layers> Layers for Drawn<'_, L> {
         let batch = self.layers.next_batch()?;
         if let Some(batch) = &batch {
             self.drawing.add(batch);
+            self.part = batch.iter().fold(self.part, |all, layer| all.joined(layer.part.bounds()));
         }
         Ok(batch)
     }
@@ -70,7 +74,7 @@ pub fn look<L: Layers>(
     rules: &Rules,
     watch: &mut impl Watch,
 ) -> Result<Look, L::Error> {
-    let mut drawn = Drawn { layers, drawing: Drawing::new(bounds, height_mm) };
+    let mut drawn = Drawn { layers, drawing: Drawing::new(bounds, height_mm), part: Bounds::EMPTY };
     let mut both = Both { gather: Gather::new(rules.cell_mm()), other: watch };
     let ask = Ask {
         min_island_mm2: own.min_area_mm2,
@@ -79,5 +83,5 @@ pub fn look<L: Layers>(
     };
     let findings = walk(&mut drawn, &ask, &mut both)?;
     let demand = both.gather.finish(&findings.islands.islands, own.min_area_mm2, rules.caught_mm);
-    Ok(Look { demand, space: drawn.drawing.finish(), findings })
+    Ok(Look { demand, space: drawn.drawing.finish(), findings, part: drawn.part })
 }

@@ -59,7 +59,7 @@ pub(super) fn unfit(args: &Args) -> Option<String> {
     let file = args.file.display();
     let given = [
         ("--first-layer", args.first_layer),
-        ("--picture", args.picture.is_some()),
+        ("--picture without --supports", args.picture.is_some() && args.supports.is_none()),
         ("--profile", args.profile.is_some()),
         ("--supports replace", args.supports == Some(Supports::Replace)),
     ];

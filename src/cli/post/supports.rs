@@ -8,6 +8,7 @@ use super::resin::{is_resin, named, open, written};
 use super::{Args, Supports, forgive, model, write_report};
 use crate::cli::files::{self, Replacement, Seen};
 use crate::cli::material::{self, printed};
+use crate::cli::page::{self, Surface};
 use crate::cli::progress;
 use crate::detect::overhang::SelfSupport;
 use crate::layers::from_gcode::{self, BeadLayers};
@@ -19,6 +20,7 @@ use crate::merge::into_images::Drawn;
 use crate::merge::out_of_gcode::out_of_gcode;
 use crate::merge::together::Together;
 use crate::report::support::Report;
+use crate::report::turn::hull;
 use crate::support::cut::Cuts;
 use crate::support::look::{Look, look};
 use crate::support::model::Outlines;
@@ -92,14 +94,21 @@ fn own_rules(args: &Args, own: &str, process: Process, report: &mut Report) -> a
     Ok(material.own)
 }
 
-/// Plans supports for what was seen.
+/// Plans supports for what was seen, and draws them.
 fn planned(args: &Args, seen: &Look, rules: &Rules, report: &mut Report) -> anyhow::Result<Plan> {
     let began = Instant::now();
     report.demand_mm2 = seen.demand.area_mm2;
     report.islands = seen.demand.needs.iter().filter(|n| n.island).count();
     let made = plan(&seen.demand, &seen.space, rules, Placing::Cover, Branching::Tree);
     report.put(&made, PI / 4.0 * rules.tip_mm * rules.tip_mm);
+    report.volume_mm3 = Cuts::new(&made.forest, 0.0).volume_in_mm3(report.layer_mm);
     report.seconds.plan = began.elapsed().as_secs_f64();
+    // Whether or not they may be put in: the page shows what cannot be held.
+    if let Some(to) = &args.picture {
+        let hull = hull(&seen.space, seen.part);
+        let surface = Surface { vertices: &hull.vertices, triangles: &hull.triangles };
+        forgive(args, page::write(to, &args.file, &surface, &seen.demand, &made, report))?;
+    }
     if let Some(first) = report.unroutable.first() {
         let [x, y, z] = first.place_mm;
         ensure!(

@@ -2,7 +2,6 @@
 use super::positive;
 use crate::support::rules::{self, Process, Rules};
 use clap::{Args as ClapArgs, ValueEnum};
-use std::path::PathBuf;
 
 /// What supports are wanted.
 #[derive(ClapArgs, Debug)]
@@ -79,15 +78,5 @@ impl Wishes {
         rules.spacing_mm = self.spacing_mm.unwrap_or(rules.spacing_mm);
         rules.on_model = self.trunks == Trunks::Anywhere;
         rules
-    }
-}
-
-/// A page's name.
-pub(super) fn page(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    match ending.as_deref() {
-        Some("html" | "htm") => Ok(path),
-        _ => Err("its name must end in .html".to_owned()),
     }
 }
