@@ -16,7 +16,7 @@
 #![allow(clippy::print_stdout)]
 use outrigger::detect::overhang::SelfSupport;
 use outrigger::layers::from_mesh::{FromMesh, LayerHeights};
-use outrigger::layers::shape::{Bounds, Point};
+use outrigger::layers::shape::{Bounds, Point, Region};
 use outrigger::mesh::{self, Mesh, OPEN, place};
 use outrigger::support::cut::Cuts;
 use outrigger::support::look::{Look, look};
@@ -133,7 +133,8 @@ fn rows(file: &Path, process: Process, sums: &mut Sums) -> Result<(), String> {
     let bounds = Bounds { min: Point::from_mm(min[0], min[1]), max: Point::from_mm(max[0], max[1]) };
     let rules = Rules::usual(process, layer_mm);
     let mut layers = FromMesh::new(&mesh, LayerHeights::even(layer_mm)).map_err(|e| e.to_string())?;
-    let seen = look(&mut layers, bounds, max[2], own, &rules, &mut ()).map_err(|e| e.to_string())?;
+    let seen = look(&mut layers, (bounds, max[2]), &Region::default(), own, &rules, &mut ())
+        .map_err(|e| e.to_string())?;
     let looked = began.elapsed().as_secs_f64();
     let ways = [
         ("straight", Placing::Cover, Branching::Straight),

@@ -204,6 +204,29 @@ fn a_page_shows_a_job_with_what_holds_it() {
 }
 
 #[test]
+fn supports_stay_on_the_plate() {
+    // The roof reaches beyond the plate, to X 110.
+    let job = |plate: &str| gcode(65, lamp_at).replace("0x0,200x0,200x200,0x200", plate);
+    let folder = folder_of("job.gcode", job("0x0,109x0,109x200,0x200").as_bytes());
+    let post = ["post", "job.gcode", "--supports", "auto", "-o", "out.gcode", "-q"];
+    outrigger(folder.path(), post).ends(0);
+    let out = fs::read_to_string(folder.path().join("out.gcode")).expect("the result");
+    let (mut own, mut most) = (false, 0.0_f64);
+    for line in out.lines() {
+        if let Some(what) = line.strip_prefix(";TYPE:") {
+            own = what.starts_with("Support");
+        }
+        let x = line.split(' ').find_map(|word| word.strip_prefix('X')?.parse::<f64>().ok());
+        most = x.filter(|_| own).map_or(most, |x| most.max(x));
+    }
+    assert!((107.0..=109.0).contains(&most), "{most}");
+    // The post has hardly any plate beside it.
+    let none = folder_of("job.gcode", job("97x97,103x97,103x103,97x103").as_bytes());
+    outrigger(none.path(), post).ends(1).says("cannot be held").says("border of the plate");
+    assert_eq!(names(none.path()), ["job.gcode"]);
+}
+
+#[test]
 fn a_slicers_supports_are_replaced() {
     // The slicer's own: a wall up to the peg, and one where nothing needs it.
     let job = gcode_with(65, |z| {

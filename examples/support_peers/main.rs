@@ -205,7 +205,7 @@ fn see(mesh: &Mesh, layer_mm: f64, own: SelfSupport, rules: &Rules) -> Result<Lo
     let ([min, max], mut layers) = (mesh.bounds_mm(), FromMesh::new(mesh, LayerHeights::even(layer_mm))?);
     let [min, top] = [min, max].map(|p| Point::from_mm(p[0], p[1]));
     let bounds = outrigger::layers::shape::Bounds { min, max: top };
-    Ok(look(&mut layers, bounds, max[2], own, rules, &mut ())?)
+    Ok(look(&mut layers, (bounds, max[2]), &Region::default(), own, rules, &mut ())?)
 }
 
 /// Prints the rows of a peer and of ours beside it.

@@ -13,7 +13,7 @@ use super::progress;
 use crate::detect::overhang::SelfSupport;
 use crate::detect::walk::{Seen, Watch};
 use crate::layers::from_mesh::{FromMesh, LayerHeights};
-use crate::layers::shape::{Bounds, Point};
+use crate::layers::shape::{Bounds, Point, Region};
 use crate::merge::into_mesh::triangles;
 use crate::merge::together::Together;
 use crate::mesh::{self, Mesh, place, stl};
@@ -212,7 +212,7 @@ fn see(args: &Args, task: &Task, report: &mut Report) -> anyhow::Result<Look> {
         FromMesh::new(&task.mesh, task.heights).with_context(|| files::display_name(&args.file))?;
     let bounds = Bounds { min: Point::from_mm(min[0], min[1]), max: Point::from_mm(max[0], max[1]) };
     let mut bar = Bar(progress::layers(crate::layers::stack::Layers::count(&layers), args.quiet));
-    let seen = look(&mut layers, bounds, max[2], task.own, &task.rules, &mut bar)?;
+    let seen = look(&mut layers, (bounds, max[2]), &Region::default(), task.own, &task.rules, &mut bar)?;
     bar.0.finish_and_clear();
     report.demand_mm2 = seen.demand.area_mm2;
     report.islands = seen.demand.needs.iter().filter(|n| n.island).count();

@@ -12,6 +12,7 @@ pub(super) mod survey;
 pub(super) mod told;
 
 use super::{into_gcode, out_of_gcode};
+use crate::layers::shape::Region;
 use crate::post::annotate::{Layers, Unfit};
 use crate::post::container::{Container, beginning, gcode};
 use crate::post::{BEGINNING_BYTES, END_BYTES, Failure as Io, not_for_us, read_at};
@@ -164,13 +165,18 @@ fn known(start: &[u8]) -> Result<Dialect, Refusal> {
     }
 }
 
-/// Reads the whole job once, before anything is written.
-fn survey(
-    input: &mut (impl Read + Seek),
-    container: Container,
-    start: &[u8],
-    dialect: Dialect,
-) -> Result<Survey, Failure> {
+/// The plate that a job tells of, or nothing.
+///
+/// # Errors
+/// It cannot be read.
+pub fn plate(input: &mut (impl Read + Seek)) -> Result<Region, Failure> {
+    let container = Container::of(input).map_err(Io::Read)?;
+    let start = beginning(input, BEGINNING_BYTES).map_err(Io::Read)?;
+    Ok(settings(input, container, &start)?.bed)
+}
+
+/// What the settings at a job's beginning and end tell.
+fn settings(input: &mut (impl Read + Seek), container: Container, start: &[u8]) -> Result<Told, Failure> {
     let mut told = Told::default();
     told.read(start);
     if let Container::Text = container {
@@ -179,6 +185,17 @@ fn survey(
         let whole = memchr::memchr(b'\n', &end).map_or(end.len(), |at| at + 1);
         told.read(&end[whole.min(end.len())..]);
     }
+    Ok(told)
+}
+
+/// Reads the whole job once, before anything is written.
+fn survey(
+    input: &mut (impl Read + Seek),
+    container: Container,
+    start: &[u8],
+    dialect: Dialect,
+) -> Result<Survey, Failure> {
+    let told = settings(input, container, start)?;
     let mut surveyor = Surveyor::new(dialect, told)?;
     input.seek(SeekFrom::Start(0)).map_err(Io::Read)?;
     let mut layers = Layers::new(gcode(input), dialect).without_covers();

@@ -37,6 +37,8 @@ pub struct Drawing {
     grid: Grid,
     /// Of each cell how far up its slab the part reaches, in 255ths; 0: nowhere.
     slabs: Vec<Vec<u8>>,
+    /// Cells that do not lie on the plate.
+    off: Vec<bool>,
 }
 
 /// How cells lie over the plate.
@@ -75,10 +77,11 @@ impl Grid {
 }
 
 impl Drawing {
-    /// Nothing yet of a part that lies within `bounds` and is `height_mm` high. Cells are
-    /// 0.2 mm wide, wider where there would be more than 40 million.
+    /// Nothing yet of a part that lies within `bounds` and is `height_mm` high. Beside `plate`
+    /// nothing is free; an empty one has no border. Cells are 0.2 mm wide, wider where there
+    /// would be more than 40 million.
     #[must_use]
-    pub fn new(bounds: Bounds, height_mm: f64) -> Drawing {
+    pub fn new(bounds: Bounds, height_mm: f64, plate: &Region) -> Drawing {
         let [min, max] = bounds.mm();
         let origin = min.map(|c| c - MARGIN_MM);
         let wide = [0, 1].map(|k| (max[k] - min[k]).max(0.0) + 2.0 * MARGIN_MM);
@@ -87,7 +90,14 @@ impl Drawing {
         let cell_mm = FINEST_MM.max((volume / MAX_CELLS).cbrt());
         let size = wide.map(|w| (w / cell_mm).ceil() as usize + 1);
         let slab_mm = cell_mm * SLAB_CELLS;
-        Drawing { grid: Grid { origin, cell_mm, slab_mm, size }, slabs: Vec::new() }
+        let grid = Grid { origin, cell_mm, slab_mm, size };
+        let mut off = vec![false; size[0] * size[1]];
+        if !plate.is_empty() {
+            let mut on = vec![0; off.len()];
+            grid.draw_region(plate, 1, &mut on);
+            off.iter_mut().zip(on).for_each(|(off, on)| *off = on == 0);
+        }
+        Drawing { grid, slabs: Vec::new(), off }
     }
 
     /// Draws layers, on all cores.
@@ -123,7 +133,10 @@ impl Drawing {
         for slab in &mut self.slabs {
             slab.resize(cells, 0);
         }
-        let away = self.slabs.par_iter().map(|slab| grid.distances(slab)).collect();
+        let blocked = |slab: &Vec<u8>| {
+            slab.iter().zip(&self.off).map(|(part, off)| u8::from(*part > 0 || *off)).collect::<Vec<u8>>()
+        };
+        let away = self.slabs.par_iter().map(|slab| grid.distances(&blocked(slab))).collect();
         Clearance { grid, tops: self.slabs, away }
     }
 }
@@ -259,8 +272,8 @@ impl Clearance {
         [[x, y, 0.0], [x + wide[0], y + wide[1], self.tops.len() as f64 * slab_mm]]
     }
 
-    /// How far a place is from the part in its slab, mm; negative inside and outside of the
-    /// grid; large values are cut off at some 30 cells.
+    /// How far a place is from the part in its slab, or from the border of the plate, mm;
+    /// negative inside and outside of the grid; large values are cut off at some 30 cells.
     #[must_use]
     pub fn away_mm(&self, at: [f64; 3]) -> f64 {
         let cell = self.grid.cell([at[0], at[1]]);
@@ -366,7 +379,7 @@ mod tests {
     /// A wall 2 mm thick with a roof over what is to its right, 10 mm up.
     fn nook() -> Clearance {
         let bounds = Bounds { min: Point::from_mm(0.0, 0.0), max: Point::from_mm(12.0, 10.0) };
-        let mut drawing = Drawing::new(bounds, 12.0);
+        let mut drawing = Drawing::new(bounds, 12.0, &Region::default());
         let all = layers(60, 0.2, |z| match z {
             z if z < 10.0 => region(&[[0.0, 0.0, 2.0, 10.0]]),
             _ => region(&[[0.0, 0.0, 12.0, 10.0]]),
@@ -396,6 +409,23 @@ mod tests {
     }
 
     #[test]
+    fn nothing_is_free_beside_the_plate() {
+        let bounds = Bounds { min: Point::default(), max: Point::from_mm(2.0, 2.0) };
+        let mut drawing = Drawing::new(bounds, 4.0, &region(&[[-1.0, -1.0, 5.0, 5.0]]));
+        drawing.add(&[Layer { top_mm: 4.0, part: region(&[[0.0, 0.0, 2.0, 2.0]]), ..Layer::default() }]);
+        let space = drawing.finish();
+        let check = |x: f64, expect: f64| {
+            let away = space.away_mm([x, 1.0, 2.0]);
+            assert!((away - expect).abs() <= 1.5 * space.cell_mm(), "X {x}: {away} for {expect}");
+        };
+        check(3.0, 1.0);
+        check(4.5, 0.5);
+        check(3.5, 1.5);
+        assert!(space.away_mm([5.5, 1.0, 2.0]) < 0.0 && space.away_mm([-1.5, 1.0, 2.0]) < 0.0);
+        assert!(!space.is_part([5.5, 1.0, 2.0]) && space.is_part([1.0, 1.0, 2.0]));
+    }
+
+    #[test]
     fn floors_are_what_is_below() {
         let space = nook();
         let floor = |x: f64, z: f64| space.floor_mm([x, 5.0, z]);
@@ -408,7 +438,7 @@ mod tests {
     fn what_is_walled_in_does_not_reach_the_plate() {
         // A cup, open above, and beside it a chimney that leans away.
         let bounds = Bounds { min: Point::from_mm(0.0, 0.0), max: Point::from_mm(20.0, 20.0) };
-        let mut drawing = Drawing::new(bounds, 10.0);
+        let mut drawing = Drawing::new(bounds, 10.0, &Region::default());
         let cup = layers(50, 0.2, |z| {
             let walls = [
                 [0.0, 0.0, 20.0, 1.0],
@@ -436,7 +466,7 @@ mod tests {
     fn a_way_goes_round_what_is_below() {
         // A plate in the air, 10 mm wide, at 10 mm, and a post beside it.
         let bounds = Bounds { min: Point::from_mm(0.0, 0.0), max: Point::from_mm(30.0, 10.0) };
-        let mut drawing = Drawing::new(bounds, 20.0);
+        let mut drawing = Drawing::new(bounds, 20.0, &Region::default());
         drawing.add(&layers(100, 0.2, |z| match z {
             z if z > 10.0 && z < 11.0 => region(&[[0.0, 0.0, 10.0, 10.0], [28.0, 0.0, 30.0, 2.0]]),
             _ => region(&[[28.0, 0.0, 30.0, 2.0]]),

@@ -4,7 +4,7 @@ use super::demand::{Demand, Gather};
 use super::rules::Rules;
 use crate::detect::overhang::{Growth, SelfSupport};
 use crate::detect::walk::{Ask, Findings, LayerAsk, Seen, Stage, Watch, walk};
-use crate::layers::shape::Bounds;
+use crate::layers::shape::{Bounds, Region};
 use crate::layers::stack::{Layer, Layers};
 
 /// What was seen.
@@ -61,20 +61,20 @@ impl<W: Watch> Watch for Both<'_, W> {
     }
 }
 
-/// Looks at all layers of a part within `bounds` and `height_mm`, by what its material holds
-/// itself, for supports by these rules.
+/// Looks at all layers of a part within `bounds` and `height_mm`, on a plate (without a border
+/// where that is empty), by what its material holds itself, for supports by these rules.
 ///
 /// # Errors
 /// Those of the layers' source.
 pub fn look<L: Layers>(
     layers: &mut L,
-    bounds: Bounds,
-    height_mm: f64,
+    (bounds, height_mm): (Bounds, f64),
+    plate: &Region,
     own: SelfSupport,
     rules: &Rules,
     watch: &mut impl Watch,
 ) -> Result<Look, L::Error> {
-    let mut drawn = Drawn { layers, drawing: Drawing::new(bounds, height_mm), part: Bounds::EMPTY };
+    let mut drawn = Drawn { layers, drawing: Drawing::new(bounds, height_mm, plate), part: Bounds::EMPTY };
     let mut both = Both { gather: Gather::new(rules.cell_mm()), other: watch };
     let ask = Ask {
         min_island_mm2: own.min_area_mm2,

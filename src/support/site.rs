@@ -21,7 +21,7 @@ const DIRECTIONS: u32 = 12;
 /// Why something cannot be held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Reason {
-    /// No tip and its cone fit between the part's surfaces.
+    /// No tip and its cone fit between the part's surfaces and the plate's border.
     NoRoom,
     /// The part lies all around below, and feet on it are not allowed.
     Enclosed,
@@ -34,7 +34,9 @@ impl Reason {
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
-            Reason::NoRoom => "no room for a tip and its branch between the surfaces of the part",
+            Reason::NoRoom => {
+                "no room for a tip and its branch between the surfaces of the part, or up to the border of the plate"
+            }
             Reason::Enclosed => {
                 "enclosed by the part: no way to the plate, and feet on the part are not allowed"
             }

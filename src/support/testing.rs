@@ -51,7 +51,7 @@ pub(super) const OWN: SelfSupport = SelfSupport { angle_deg: 45.0, bridge_mm: 2.
 pub(super) fn seen(layers: Vec<Layer>, rules: &Rules) -> Look {
     let bounds = layers.iter().fold(Bounds::EMPTY, |b, l| b.joined(l.part.bounds()));
     let top = layers.last().map_or(0.0, |l| l.top_mm);
-    let Ok(found) = look(&mut Given(layers), bounds, top, OWN, rules, &mut ());
+    let Ok(found) = look(&mut Given(layers), (bounds, top), &Region::default(), OWN, rules, &mut ());
     found
 }
 

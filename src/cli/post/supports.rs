@@ -13,8 +13,10 @@ use crate::cli::progress;
 use crate::detect::overhang::SelfSupport;
 use crate::layers::from_gcode::{self, BeadLayers};
 use crate::layers::from_images::FromImages;
+use crate::layers::polygon::{Inside, resolve};
 use crate::layers::shape::{Bounds, Point};
 use crate::layers::stack::Layers;
+use crate::merge::gcode::plate;
 use crate::merge::into_gcode::{Options, into_gcode};
 use crate::merge::into_images::Drawn;
 use crate::merge::out_of_gcode::out_of_gcode;
@@ -177,7 +179,8 @@ fn into_text(args: &Args, file: &File, path: &Path, report: &mut Report) -> anyh
     let looking = Instant::now();
     let bounds = layers.bounds();
     let mut outlines = args.model().map(|_| Outlines::default());
-    let mut seen = look(&mut layers, bounds, height_mm, own, &rules, &mut outlines)?;
+    let plate = plate(&mut input)?;
+    let mut seen = look(&mut layers, (bounds, height_mm), &plate, own, &rules, &mut outlines)?;
     if let Some((path, outlines)) = args.model().zip(outlines) {
         model::added(path, args.align, (&mut seen, &outlines), beads(&input)?, own, &rules, report)?;
     }
@@ -229,9 +232,11 @@ fn into_resin(args: &Args, file: &File, path: &Path, report: &mut Report) -> any
     ];
     let [x, y] = if placement.swap { [size[1], size[0]] } else { size };
     let bounds = Bounds { min: Point::default(), max: Point::from_mm(x, y) };
+    let corners = [(0.0, 0.0), (x, 0.0), (x, y), (0.0, y)].map(|(x, y)| Point::from_mm(x, y));
+    let plate = resolve([&corners.to_vec()], Inside::NonZero);
     let mut pictures = FromImages::new(job);
     let mut outlines = args.model().map(|_| Outlines::default());
-    let mut seen = look(&mut pictures, bounds, height_mm, own, &rules, &mut outlines)?;
+    let mut seen = look(&mut pictures, (bounds, height_mm), &plate, own, &rules, &mut outlines)?;
     if let Some((path, outlines)) = args.model().zip(outlines) {
         let again = FromImages::new(open(file)?);
         model::added(path, args.align, (&mut seen, &outlines), again, own, &rules, report)?;

@@ -199,7 +199,7 @@ mod tests {
         };
         let layers: Vec<Layer> = (0..(height_mm / 0.2).round() as u32).map(layer).collect();
         let bounds = layers.iter().fold(Bounds::EMPTY, |b, l| b.joined(l.part.bounds()));
-        let mut drawing = Drawing::new(bounds, height_mm);
+        let mut drawing = Drawing::new(bounds, height_mm, &Region::default());
         drawing.add(&layers);
         hull(&drawing.finish(), bounds)
     }
@@ -239,7 +239,7 @@ mod tests {
     fn what_lies_outside_of_the_bounds_is_left_out() {
         let both = |_: f64| region(&[[0.0, 0.0, 5.0, 5.0], [30.0, 0.0, 31.0, 50.0]]);
         let layers = [Layer { top_mm: 4.0, part: both(0.0), ..Layer::default() }];
-        let mut drawing = Drawing::new(layers[0].part.bounds(), 4.0);
+        let mut drawing = Drawing::new(layers[0].part.bounds(), 4.0, &Region::default());
         drawing.add(&layers);
         let space = drawing.finish();
         let first = Bounds { min: Point::default(), max: Point::from_mm(5.0, 5.0) };

@@ -22,7 +22,7 @@ fn outlines(process: Process, job: impl Fn(f64) -> Region) -> Outlines {
     let bounds = layers.iter().fold(Bounds::EMPTY, |b, l| b.joined(l.part.bounds()));
     let mut outlines = Outlines::default();
     let rules = Rules::usual(process, 0.2);
-    let Ok(_) = look(&mut Given(layers), bounds, 20.0, OWN, &rules, &mut outlines);
+    let Ok(_) = look(&mut Given(layers), (bounds, 20.0), &Region::default(), OWN, &rules, &mut outlines);
     outlines
 }
 
@@ -110,7 +110,7 @@ fn a_long_job_keeps_some_outlines() {
     let long = layers(1000, 0.01, |_| region(&[[0.0, 0.0, 9.0, 9.0]]));
     let bounds = long[0].part.bounds();
     let rules = Rules::usual(Process::Resin, 0.05);
-    let Ok(_) = look(&mut Given(long), bounds, 10.0, OWN, &rules, &mut outlines);
+    let Ok(_) = look(&mut Given(long), (bounds, 10.0), &Region::default(), OWN, &rules, &mut outlines);
     let numbers: Vec<u32> = outlines.kept.iter().map(|(number, _)| *number).collect();
     assert_eq!(numbers, (0..1000).step_by(8).collect::<Vec<u32>>());
     assert_eq!((outlines.heights.len(), outlines.span), (1000, Some([0, 999])));
