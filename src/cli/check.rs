@@ -5,6 +5,7 @@
 mod flags;
 mod kind;
 mod output;
+mod printer;
 mod source;
 mod watch;
 mod words;
@@ -41,7 +42,8 @@ pub(super) struct Args {
     /// layers, height_mm, bbox_mm, rules, islands and small_islands (each with layer, z_mm,
     /// top_mm, end_layer, end_z_mm, end_top_mm, joins, area_mm2, max_area_mm2, centroid_mm,
     /// bbox_mm), floating_supports, overhangs (method, regions, area_mm2, small_regions,
-    /// small_area_mm2, largest), overhangs_by_method, mended, warnings, seconds.
+    /// small_area_mm2, largest), overhangs_by_method, printer (name, findings with kind, line,
+    /// lines, worst, words), mended, warnings, seconds.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
     /// Draw what was found, by the name's ending: .svg or .png for one picture, .html
@@ -62,6 +64,13 @@ pub(super) struct Args {
     /// Diameter of the filament, for G-code that does not tell it
     #[arg(long, value_name = "MM", value_parser = positive, help_heading = "G-code")]
     filament_mm: Option<f64>,
+    /// Look at what this printer could not do of the job, too: a name from `outrigger profile
+    /// list`, or a file
+    ///
+    /// Lines that its firmware would cut, beads beside its bed or above its reach, temperatures
+    /// that it or the material does not bear, heaters left on, a file that was cut short.
+    #[arg(long, value_name = "NAME", help_heading = "G-code")]
+    printer: Option<String>,
     #[command(flatten, next_help_heading = "What holds itself")]
     rules: flags::Rules,
 }
@@ -88,6 +97,8 @@ enum Finding {
     Islands,
     /// Any overhang of at least the smallest area
     Overhangs,
+    /// Anything that the printer of --printer could not do
+    Printer,
 }
 
 /// Runs the verb.
@@ -131,9 +142,11 @@ fn wrong_usage(reason: &str) -> ExitCode {
 /// Success, unless `--fail-on` names what was found.
 fn verdict(args: &Args, report: &Report) -> ExitCode {
     let overhangs = report.overhangs_by_method.values().map(|found| found.regions).sum::<u64>();
+    let amiss = report.printer.as_ref().map_or(0, |printer| printer.findings.len() as u64);
     let counts = [
         (Finding::Islands, report.islands.len() as u64 + report.unlisted_islands, "islands"),
         (Finding::Overhangs, overhangs, "overhangs"),
+        (Finding::Printer, amiss, "findings for the printer"),
     ];
     let found = counts.iter().filter(|(finding, count, _)| *count > 0 && args.fail_on.contains(finding));
     let words: Vec<String> = found.map(|(_, count, name)| format!("{name}: {count}")).collect();

@@ -3,6 +3,7 @@
 //!
 //! # Layout
 //! - [`job_file`]: a file, checked, as a source of commands.
+//! - [`preflight`]: what of a job the printer could not do.
 //! - [`window`]: numbered lines, what is in flight, what can be sent again.
 //! - [`lines`]: bytes from the wire into lines.
 //! - [`reply`], [`temperature`], [`action`]: what a line of the printer means.
@@ -23,6 +24,7 @@ pub mod job_file;
 pub mod lines;
 pub mod mock;
 pub mod port;
+pub mod preflight;
 pub mod reply;
 pub mod session;
 pub mod source;

@@ -45,6 +45,8 @@ pub struct Report {
     pub overhangs: Option<Overhangs>,
     /// What each detector found, by its name.
     pub overhangs_by_method: BTreeMap<&'static str, Overhangs>,
+    /// What the printer that was named could not do of a job; `null` where none was.
+    pub printer: Option<Printer>,
     /// What was mended in the mesh; `null` where there is no mesh.
     pub mended: Option<serde_json::Value>,
     /// What the user should know, a sentence each.
@@ -64,6 +66,32 @@ pub struct Rules {
     pub bridge_mm: f64,
     /// Islands and overhangs smaller than this are listed apart.
     pub min_area_mm2: f64,
+}
+
+/// A job beside the printer that would print it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Printer {
+    /// The profile's name.
+    pub name: String,
+    /// What is wrong, the most serious kind first.
+    pub findings: Vec<Amiss>,
+}
+
+/// Something that a printer could not do, or should not.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Amiss {
+    /// What kind: `line_too_long`, `outside_bed`, `above_top`, `nozzle_too_hot`,
+    /// `bed_too_hot`, `nozzle_above_material`, `bed_above_material`,
+    /// `nozzle_below_material`, `heaters_left_on`, `cut_short`, or `unreadable`.
+    pub kind: &'static str,
+    /// The first line of the file where it is so, from 1; 0 where no line can be told.
+    pub line: u64,
+    /// Lines where it is so.
+    pub lines: u64,
+    /// The worst value, mm or °C by the kind; 0 where there is none.
+    pub worst: f64,
+    /// In words, with what to do.
+    pub words: String,
 }
 
 /// A piece of the part that nothing below holds.

@@ -86,6 +86,9 @@ pub(super) fn at_odds(args: &Args) -> Option<String> {
     if args.fail_on.contains(&Finding::Overhangs) && args.overhang == Overhang::None {
         return Some("--fail-on overhangs looks for none with --overhang none".to_owned());
     }
+    if args.fail_on.contains(&Finding::Printer) && args.printer.is_none() {
+        return Some("--fail-on printer needs to know which: --printer NAME".to_owned());
+    }
     let same =
         |a: &Path, b: &Path| a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
     for (name, to) in [("--json", &args.json), ("--picture", &args.picture)] {
@@ -102,6 +105,9 @@ pub(super) fn unfit(args: &Args, kind: Kind) -> Option<String> {
     let file = args.file.display();
     if kind != Kind::Gcode && args.filament_mm.is_some() {
         return Some(format!("--filament-mm is for G-code; {file} is {}", kind.words()));
+    }
+    if kind != Kind::Gcode && args.printer.is_some() {
+        return Some(format!("--printer is for G-code; {file} is {}", kind.words()));
     }
     if kind == Kind::Stl {
         return None;

@@ -1,6 +1,7 @@
 //! From an open file to what was found in it.
 use super::flags::{Drawing, Growth, LAYER_MM, PIXEL_MM, drawing};
 use super::kind::{Kind, Opened};
+use super::printer;
 use super::watch::Eye;
 use super::{Args, Overhang};
 use crate::cli::{files, material, progress};
@@ -16,7 +17,7 @@ use crate::report::check::{Report, Rules};
 use crate::report::survey::Survey;
 use anyhow::Context;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Seek};
 use std::time::Instant;
 
 /// Read buffer, bytes.
@@ -172,6 +173,16 @@ fn gcode(args: &Args, mut opened: Opened) -> anyhow::Result<Checked> {
     let started = Instant::now();
     let named = material::of_gcode(&mut opened.file).context("cannot read the file")?;
     let (told, rules) = rules(args, named.unwrap_or("pla"))?;
+    let printer = match &args.printer {
+        Some(name) => {
+            // What nobody told of the material is not judged by.
+            let material = args.rules.material.as_deref().or(named);
+            let beside = printer::beside(name, material, BufReader::new(&opened.file))?;
+            opened.file.rewind().context("cannot read the file")?;
+            Some(beside)
+        }
+        None => None,
+    };
     let bar = progress::bytes(opened.bytes, args.quiet);
     let reader = BufReader::with_capacity(BUFFER_BYTES, bar.wrap_read(opened.file));
     let mut text = outrigger_gcode::bgcode::text(reader);
@@ -179,7 +190,8 @@ fn gcode(args: &Args, mut opened: Opened) -> anyhow::Result<Checked> {
     let options = from_gcode::Options { filament_mm: args.filament_mm };
     let mut layers = from_gcode::read(text, &options)?;
     bar.finish_and_clear();
-    let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
+    let file = files::display_name(&args.file);
+    let mut report = Report { file, kind, rules: told, printer, ..Report::default() };
     report.warnings = tracing_words(layers.facts());
     report.seconds.read = started.elapsed().as_secs_f64();
     let (report, eye) = examine(args, &mut layers, &ask(args, rules), report)?;

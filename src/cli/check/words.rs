@@ -21,6 +21,14 @@ pub(super) fn table(report: &Report, mended: &str) -> String {
     for found in report.overhangs_by_method.values() {
         overhangs(&mut lines, found, report.rules.min_area_mm2);
     }
+    if let Some(printer) = &report.printer {
+        lines.push(String::new());
+        lines.push(match printer.findings.len() {
+            0 => format!("{} can print it", printer.name),
+            n => format!("{}: {} amiss", printer.name, count(n as u64, "thing")),
+        });
+        lines.extend(printer.findings.iter().map(|amiss| format!("  {}", amiss.words)));
+    }
     lines.push(String::new());
     lines.push(seconds(report));
     lines.join("\n")

@@ -9,6 +9,7 @@ use super::super::site::{Floor, Reason};
 use super::super::testing::{Given, OWN, layers, region, seen};
 use super::super::tree::{GROUND, Kind, leans_within};
 use super::*;
+use crate::detect::overhang::SelfSupport;
 use crate::layers::polygon::{intersection, union};
 use crate::layers::shape::{Place, Point, Region};
 use crate::layers::stack::Layer;
@@ -262,6 +263,16 @@ fn the_proof_finds_what_is_amiss() {
     }
     let found = proof(&part, &look, &forgot, &rules);
     assert!(!gone.is_empty() && !found.far_mm.is_empty() && found.far_mm2 > 1.0, "{found:?}");
+    // Where nothing hung before, support takes no hold away; and specks are no overhang.
+    let mut before = seen(part.clone(), &rules);
+    before.demand.needs.retain(|need| !(need.at_mm[0] < 9.0 && need.at_mm[1] < 9.0));
+    let result = with_supports(part.clone(), &forgot.forest, &rules);
+    assert_eq!(proof_of(result.clone(), &before, &forgot, &rules).far_mm, Vec::<[f64; 3]>::new());
+    let (demand, floating) = (&look.demand, &look.findings.islands.floating_aid);
+    let own = SelfSupport { min_area_mm2: found.far_mm2 * 1.1, ..OWN };
+    let promise = Promise { plan: &forgot, demand, floating, rules: &rules, own, layer_mm: LAYER_MM };
+    let Ok(small) = prove(&mut Given(result), &promise, rules.gap_mm.max(0.0));
+    assert_eq!((small.far_mm.len(), small.far_mm2), (0, 0.0));
 }
 
 /// A column a little above a slab: under it there is no room for a tip, and what holds the slab

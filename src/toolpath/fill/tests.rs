@@ -129,13 +129,14 @@ proptest! {
         prop_assert!(beyond.area_mm2() < 1e-3, "{} mm² beyond", beyond.area_mm2());
         let beyond = difference(&printed(&spots, width), &grow(&region, width));
         prop_assert!(beyond.area_mm2() < 1e-3, "{} mm² of spots beyond", beyond.area_mm2());
-        // What a bead fits into is covered, but for what round ends and corners leave, and
-        // without rings the lines' ends along the border.
+        // What a bead fits into is covered, but for what round ends and corners leave, a strip
+        // along borders that the raster runs a little askew to, and without rings the lines'
+        // ends along the border.
         let fits = grow(&grow(&region, -width / 2.0), width / 2.0);
         let all: Vec<Path> = lines.into_iter().chain(spots).collect();
         let bare = difference(&fits, &printed(&all, width));
         let around: f64 = region.rings().map(|r| closed(r).length_mm()).sum();
-        let most = 0.03 * fits.area_mm2() + if rings == 0 { 0.5 } else { 0.15 } * width * around;
+        let most = 0.03 * fits.area_mm2() + if rings == 0 { 0.5 } else { 0.25 } * width * around;
         prop_assert!(bare.area_mm2() <= most, "{} of {}, {} around", bare.area_mm2(), fits.area_mm2(), around);
         for polygon in &region.polygons {
             let touched = all.iter().any(|p| p.points.iter().chain([&middle(p)]).any(|q| polygon.place(Grid::from_mm(q[0], q[1])) != Place::Outside));
