@@ -355,7 +355,7 @@ mod tests {
         assert_eq!(
             names(&json),
             "bbox_mm file floating_supports height_mm islands kind layers mended overhangs overhangs_by_method \
-             rules seconds small_islands triangles unlisted_islands warnings"
+             printer rules seconds small_islands triangles unlisted_islands warnings"
         );
         assert_eq!(
             names(&json["islands"][0]),
