@@ -143,7 +143,11 @@ fn what_cannot_be_done_leaves_nothing_behind() {
     fails(&["job.sl1", "-o", "out"], 2, "must end in .sl1");
     fails(&["job.sl1", "-o", "no/such/folder.goo"], 1, "no/such");
     fails(&["job.sl1", "-o", "out.goo", "--first-layer"], 2, "--first-layer is for G-code");
-    fails(&["job.sl1", "-o", "out.goo", "--picture", "p.svg"], 2, "--picture without --supports is for G-code");
+    fails(
+        &["job.sl1", "-o", "out.goo", "--picture", "p.svg"],
+        2,
+        "--picture without --supports is for G-code",
+    );
     let (gcode, _) = folder_with(b"G28\n");
     outrigger(gcode.path(), ["post", "job.gcode", "-o", "job.goo"]).ends(1).says("no resin job");
     // A full disk, in the middle of the pictures and at their end.
