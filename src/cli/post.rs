@@ -104,9 +104,7 @@ impl Args {
             quiet: true,
         }
     }
-}
 
-impl Args {
     /// The model that the job was sliced from.
     fn model(&self) -> Option<&Path> {
         match &self.supports {

@@ -27,7 +27,7 @@ mod strip;
 use super::links::{Links, polygons};
 use super::overhang::{Growth, Piece, SelfSupport};
 use crate::layers::polygon::{difference, grow, without};
-use crate::layers::shape::{Bounds, Point, Polygon, Region, UNITS_PER_MM, ring_edges};
+use crate::layers::shape::{Bounds, Polygon, Region, UNITS_PER_MM, ring_length};
 use crate::layers::stack::Layer;
 use held::Residual;
 
@@ -133,14 +133,8 @@ fn left_of_run(piece: &Residual, run: &strip::Run, reach: f64) -> Vec<Polygon> {
 /// Whether a polygon is so thin that it comes from rounding: its mean width is twice its
 /// area over the length of its border.
 fn is_dust(polygon: &Polygon) -> bool {
-    let length: f64 = polygon.rings.iter().map(|r| length(r)).sum();
+    let length: f64 = polygon.rings.iter().map(|r| ring_length(r)).sum();
     2.0 * polygon.area_mm2() * UNITS_PER_MM * UNITS_PER_MM <= DUST * length
-}
-
-fn length(ring: &[Point]) -> f64 {
-    ring_edges(ring)
-        .map(|[a, b]| (f64::from(b.x) - f64::from(a.x)).hypot(f64::from(b.y) - f64::from(a.y)))
-        .sum()
 }
 
 #[cfg(test)]
@@ -150,7 +144,7 @@ mod tests {
     use super::super::testing::{layer, region, ring};
     use super::*;
     use crate::layers::polygon::{Inside, resolve};
-    use crate::layers::shape::Ring;
+    use crate::layers::shape::{Point, Ring};
     use proptest::prelude::*;
 
     fn rules(angle_deg: f64, bridge_mm: f64) -> SelfSupport {
@@ -309,7 +303,7 @@ mod tests {
     }
 
     fn border(r: &Region) -> f64 {
-        r.rings().map(|r| length(r)).sum::<f64>() / UNITS_PER_MM
+        r.rings().map(|r| ring_length(r)).sum::<f64>() / UNITS_PER_MM
     }
 
     proptest! {
@@ -385,7 +379,7 @@ mod tests {
         let above = |by: f64| region(&[[1.0 - by, 1.0 - by, 5.0 + by, 5.0 + by]], &[]);
         check(&below, &above(0.07), rules(45.0, 0.0), 0.0, 0.0);
         let rim = ring(0.0, 0.0, 1.0, 1.0);
-        assert_eq!(length(&rim) as i64, 40_000);
+        assert_eq!(ring_length(&rim) as i64, 40_000);
         let out: f64 = 0.5;
         let reach = 0.1005;
         let held = 16.0 * reach + std::f64::consts::PI * reach * reach;

@@ -157,6 +157,14 @@ fn place<'a>(p: Point, rings: impl IntoIterator<Item = &'a Ring>) -> Place {
     if within { Place::Inside } else { Place::Outside }
 }
 
+/// Length of a ring's border, grid steps.
+#[must_use]
+pub fn ring_length(ring: &[Point]) -> f64 {
+    ring_edges(ring)
+        .map(|[a, b]| (f64::from(b.x) - f64::from(a.x)).hypot(f64::from(b.y) - f64::from(a.y)))
+        .sum()
+}
+
 /// Twice the signed area of a ring in grid steps squared; positive when counter-clockwise.
 #[must_use]
 pub fn twice_area(ring: &[Point]) -> i128 {

@@ -11,6 +11,7 @@
 //! - What a macro does (Klipper's `START_PRINT`, `END_PRINT`) is not known: a temperature that
 //!   no line of the file sets is not judged, and after a macro at the end nothing is said of
 //!   heaters.
+use outrigger_gcode::dialect::{LayerMark, layer_mark};
 use outrigger_gcode::line::{Command, Line, parse};
 use outrigger_gcode::state::{Effect, Kind as MoveKind, Machine, Move};
 
@@ -107,9 +108,7 @@ impl Kind {
             Kind::CutShort => "cut_short",
         }
     }
-}
 
-impl Kind {
     /// It is told of a job whose end was read.
     #[must_use]
     pub fn is_of_the_end(self) -> bool {
@@ -209,7 +208,8 @@ impl Preflight {
         let line = parse(bytes);
         match line.command {
             Command::None | Command::Unknown => {
-                if is_layer_mark(line.comment_text()) && !self.layers_marked {
+                let mark = layer_mark(line.comment_text());
+                if matches!(mark, Some(LayerMark::Change | LayerMark::Cura)) && !self.layers_marked {
                     self.layers_marked = true;
                     // What came before were the start G-code's own beads.
                     self.found.retain(|f| {
@@ -300,12 +300,6 @@ impl Preflight {
         self.found.sort_by_key(|f| f.kind);
         self.found
     }
-}
-
-/// How slicers mark layers, whichever it was.
-fn is_layer_mark(comment: &[u8]) -> bool {
-    matches!(comment, b"LAYER_CHANGE" | b"CHANGE_LAYER")
-        || comment.strip_prefix(b"LAYER:").is_some_and(|n| n.first().is_some_and(u8::is_ascii_digit))
 }
 
 #[cfg(test)]

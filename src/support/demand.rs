@@ -9,8 +9,10 @@
 //! the layer in which it appears, at its centroid or, where that lies outside of it, at
 //! the innermost of some places inside. Regions of less area in all that hold no such
 //! island need nothing, nor does what is so near the plate that this catches it as it sags; they are those that `check` lists apart.
+use super::cells::{around, cell};
 use crate::detect::island::Island;
-use crate::detect::walk::{Seen, Watch};
+use crate::detect::overhang::{Growth, SelfSupport};
+use crate::detect::walk::{Ask, LayerAsk, Seen, Watch};
 use crate::layers::scan::spans;
 use crate::layers::shape::{Place, Point, Polygon, ring_edges};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -62,6 +64,15 @@ struct Appears {
     places: Vec<[f64; 2]>,
 }
 
+/// What a walk looks for that a [`Gather`] looks on at.
+pub(super) fn ask(own: SelfSupport) -> Ask {
+    Ask {
+        min_island_mm2: own.min_area_mm2,
+        layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),
+        image: None,
+    }
+}
+
 /// Gathers a [`Demand`] during a walk.
 #[derive(Debug)]
 pub struct Gather {
@@ -80,7 +91,7 @@ impl Gather {
     }
 
     fn put(&mut self, at_mm: [f64; 3], area_mm2: f64) {
-        let cell = at_mm.map(|c| (c / self.cell_mm).floor() as i32);
+        let cell = cell(at_mm, self.cell_mm);
         if self.cells.len() >= MAX_NEEDS && !self.cells.contains_key(&cell) {
             self.cut_off = true;
             return;
@@ -137,9 +148,7 @@ impl Demand {
     #[must_use]
     pub fn with(self, other: Demand) -> Demand {
         let cell_mm = self.cell_mm;
-        let cell = |n: &Need| n.at_mm.map(|c| (c / cell_mm).floor() as i32);
-        let around =
-            |[x, y, z]: [i32; 3]| (0..27).map(move |k| [x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1]);
+        let cell = |n: &Need| cell(n.at_mm, cell_mm);
         let mut needs = self.needs;
         let islands: FxHashSet<[i32; 3]> = needs.iter().filter(|n| n.island).map(cell).collect();
         let is_known = |n: &&Need| around(cell(n)).any(|near| islands.contains(&near));
@@ -258,7 +267,7 @@ fn inside(polygon: &Polygon, pitch_mm: f64) -> [f64; 2] {
 
 /// Numbers the regions: cells that are at most one cell apart belong together.
 fn join(needs: &mut [Need], cell_mm: f64) -> u32 {
-    let cell = |n: &Need| n.at_mm.map(|c| (c / cell_mm).floor() as i32);
+    let cell = |n: &Need| cell(n.at_mm, cell_mm);
     let mut by_cell: FxHashMap<[i32; 3], Vec<usize>> = FxHashMap::default();
     for (k, need) in needs.iter().enumerate() {
         by_cell.entry(cell(need)).or_default().push(k);
@@ -272,9 +281,7 @@ fn join(needs: &mut [Need], cell_mm: f64) -> u32 {
         region[start] = count;
         let mut todo = vec![start];
         while let Some(k) = todo.pop() {
-            let own = cell(&needs[k]);
-            for step in 0..27 {
-                let near = [own[0] + step % 3 - 1, own[1] + step / 3 % 3 - 1, own[2] + step / 9 - 1];
+            for near in around(cell(&needs[k])) {
                 for other in by_cell.get(&near).into_iter().flatten() {
                     if region[*other] == u32::MAX {
                         region[*other] = count;

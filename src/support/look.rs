@@ -1,9 +1,9 @@
 //! One look at a job's layers: what must be held, and where branches may go.
 use super::clearance::{Clearance, Drawing};
-use super::demand::{Demand, Gather};
+use super::demand::{Demand, Gather, ask};
 use super::rules::Rules;
-use crate::detect::overhang::{Growth, SelfSupport};
-use crate::detect::walk::{Ask, Findings, LayerAsk, Seen, Stage, Watch, walk};
+use crate::detect::overhang::SelfSupport;
+use crate::detect::walk::{Findings, Seen, Stage, Watch, walk};
 use crate::layers::shape::{Bounds, Region};
 use crate::layers::stack::{Layer, Layers};
 
@@ -76,12 +76,7 @@ pub fn look<L: Layers>(
 ) -> Result<Look, L::Error> {
     let mut drawn = Drawn { layers, drawing: Drawing::new(bounds, height_mm, plate), part: Bounds::EMPTY };
     let mut both = Both { gather: Gather::new(rules.cell_mm()), other: watch };
-    let ask = Ask {
-        min_island_mm2: own.min_area_mm2,
-        layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),
-        image: None,
-    };
-    let findings = walk(&mut drawn, &ask, &mut both)?;
+    let findings = walk(&mut drawn, &ask(own), &mut both)?;
     let demand = both.gather.finish(&findings.islands.islands, own.min_area_mm2, rules.caught_mm);
     Ok(Look { demand, space: drawn.drawing.finish(), findings, part: drawn.part })
 }

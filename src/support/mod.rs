@@ -13,10 +13,11 @@
 //! - [`clearance`]: where branches may go, and from where to the plate; [`site`]: with the rules put upon it
 //! - [`points`]: where tips stand; [`scar`]: where they leave the least of a mark
 //! - `skeleton`: branches that are still laid out; `vanek`, `grow` and `improve` lay them
-//! - `ranked`: which of many comes next
+//! - `ranked`: which of many comes next; `cells`: places in cubic cells
 //! - [`tree`]: what comes out; [`rules`]: what it must be like
-//! - [`look`] and [`plan`]: from layers to needs, from needs to trees; [`proof`]: whether it is so
+//! - [`look`] and [`plan`]: from layers to needs, from needs to trees; [`model`]: a job's model beside it; [`proof`]: whether it is so
 //! - [`section`]: what of it lies in a layer; [`cut`]: a forest as such
+mod cells;
 pub mod clearance;
 pub mod cut;
 pub mod demand;
@@ -34,6 +35,6 @@ pub mod section;
 pub mod site;
 mod skeleton;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 pub mod tree;
 mod vanek;

@@ -8,10 +8,10 @@
 pub mod fit;
 
 use super::clearance::Clearance;
-use super::demand::{Demand, Gather, Need};
+use super::demand::{Demand, Gather, Need, ask};
 use super::rules::{Process, Rules};
-use crate::detect::overhang::{Growth, SelfSupport};
-use crate::detect::walk::{Ask, LayerAsk, Seen, Watch, walk};
+use crate::detect::overhang::SelfSupport;
+use crate::detect::walk::{Seen, Watch, walk};
 use crate::layers::from_mesh::{FromMesh, SliceError};
 use crate::layers::polygon::{difference, grow};
 use crate::layers::shape::{Bounds, Ring};
@@ -95,13 +95,8 @@ pub fn asked<L: Layers>(
 ) -> Result<Demand, Failure<L::Error>> {
     let model = FromMesh::at(mesh, outlines.heights.clone())?;
     let mut layers = Beside { model, job, ready: VecDeque::new(), process: rules.process };
-    let ask = Ask {
-        min_island_mm2: own.min_area_mm2,
-        layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),
-        image: None,
-    };
     let mut gather = Gather::new(rules.cell_mm());
-    let findings = walk(&mut layers, &ask, &mut gather)?;
+    let findings = walk(&mut layers, &ask(own), &mut gather)?;
     let mut demand = gather.finish(&findings.islands.islands, own.min_area_mm2, rules.caught_mm);
     let aside = [-1.0, 0.0, 1.0].map(|k| k * space.cell_mm());
     let is_printed = |need: &Need| {

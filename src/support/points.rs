@@ -19,6 +19,7 @@ mod field;
 pub use self::cover::cover;
 
 use self::field::Field;
+use super::cells::cell;
 use super::demand::Demand;
 use super::rules::Rules;
 use super::site::{Head, Reason, Site};
@@ -80,7 +81,7 @@ fn lattice(field: &Field<'_>) -> Vec<u32> {
         if field.price(k as u32).is_none() {
             continue;
         }
-        let cell = need.at_mm.map(|c| (c / pitch_mm).floor() as i32);
+        let cell = cell(need.at_mm, pitch_mm);
         let off = [0, 1].map(|c| need.at_mm[c] - (f64::from(cell[c]) + 0.5) * pitch_mm);
         let off = off[0].hypot(off[1]);
         let of = best.entry((need.region, cell)).or_insert((f64::INFINITY, 0));

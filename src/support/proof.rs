@@ -11,13 +11,14 @@
 //! - each tip is there under what it holds, within its own diameter,
 //! - each place that hung and still overhangs is within the spacing of a tip, or was told as
 //!   not to be held.
-use super::demand::{Demand, Gather, Need};
+use super::cells::{around as touching, cell};
+use super::demand::{Demand, Gather, Need, ask};
 use super::plan::Plan;
 use super::rules::Rules;
 use super::tree::Kind;
 use crate::detect::island::Island;
-use crate::detect::overhang::{Growth, SelfSupport};
-use crate::detect::walk::{Ask, LayerAsk, Seen, Watch, walk};
+use crate::detect::overhang::SelfSupport;
+use crate::detect::walk::{Seen, Watch, walk};
 use crate::layers::shape::{Place, Point};
 use crate::layers::stack::Layers;
 use crate::mesh::vector::distance;
@@ -146,14 +147,12 @@ struct Around {
 
 impl Around {
     fn new(places: impl Iterator<Item = [f64; 3]>, cell_mm: f64) -> Around {
-        let cells = places.map(|at| at.map(|c| (c / cell_mm).floor() as i32)).collect();
-        Around { cell_mm, cells }
+        Around { cell_mm, cells: places.map(|at| cell(at, cell_mm)).collect() }
     }
 
     /// Whether something is in the cell of a place or one that it touches.
     fn has(&self, at: [f64; 3]) -> bool {
-        let [x, y, z] = at.map(|c| (c / self.cell_mm).floor() as i32);
-        (0..27).any(|k| self.cells.contains(&[x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1]))
+        touching(cell(at, self.cell_mm)).any(|near| self.cells.contains(&near))
     }
 }
 
@@ -179,12 +178,7 @@ pub fn prove<L: Layers>(layers: &mut L, promise: &Promise<'_>, raised_mm: f64) -
     left.sort_by(|a, b| a[2].total_cmp(&b[2]));
     let gather = Gather::new(rules.cell_mm());
     let mut tips = Tips { left, at: 0, missing: Vec::new(), gather, wide_mm: rules.tip_mm };
-    let ask = Ask {
-        min_island_mm2: own.min_area_mm2,
-        layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),
-        image: None,
-    };
-    let found = walk(layers, &ask, &mut tips)?;
+    let found = walk(layers, &ask(own), &mut tips)?;
     let off = CELLS_OFF * rules.cell_mm();
     let told = |at: [f64; 3]| plan.points.unheld_mm.iter().any(|u| distance(*u, at) <= off);
     let place = |i: &Island| [i.centroid_mm[0], i.centroid_mm[1], i.z_mm];

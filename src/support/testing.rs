@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::io::Cursor;
 
 /// Rectangles `[x0, y0, x1, y1]` united, mm.
-pub(super) fn region(rectangles: &[[f64; 4]]) -> Region {
+pub(crate) fn region(rectangles: &[[f64; 4]]) -> Region {
     let ring = |r: &[f64; 4]| -> Ring {
         [(r[0], r[1]), (r[2], r[1]), (r[2], r[3]), (r[0], r[3])].map(|p| Point::from_mm(p.0, p.1)).to_vec()
     };
@@ -19,7 +19,7 @@ pub(super) fn region(rectangles: &[[f64; 4]]) -> Region {
 }
 
 /// Layers of one height; `part` gives what is at the height of a layer's middle, mm.
-pub(super) fn layers(count: u32, layer_mm: f64, part: impl Fn(f64) -> Region) -> Vec<Layer> {
+pub(crate) fn layers(count: u32, layer_mm: f64, part: impl Fn(f64) -> Region) -> Vec<Layer> {
     let layer = |number: u32| {
         let bottom_mm = f64::from(number) * layer_mm;
         let part = part(bottom_mm + layer_mm / 2.0);

@@ -5,6 +5,7 @@
 //! is the reader's business.
 mod bambu;
 mod cura;
+mod layer;
 mod object;
 mod orca;
 mod prusa;
@@ -12,6 +13,7 @@ pub mod settings;
 mod slic3r;
 
 use crate::line::{Command, Line, parse, split_lines};
+pub use layer::{LayerMark, layer_mark};
 pub use object::{ObjectMark, object};
 
 /// What a stretch of the print is.

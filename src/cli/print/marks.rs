@@ -3,6 +3,7 @@
 //! Takes lines of the file, gives how many layers there are ([`Facts`]) and, once
 //! a line is printed, which layer that is and how long the rest takes
 //! ([`Marks`]). Only for show: nothing that is sent depends on it.
+use outrigger_gcode::dialect::{LayerMark, layer_mark};
 use std::collections::VecDeque;
 
 /// Marks kept between reading and printing. The window holds some ten lines, but
@@ -23,18 +24,6 @@ enum Mark {
     Elapsed(f64),
 }
 
-/// How slicers mark a layer. A file is read by the first kind that it uses, since
-/// some have two for each layer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum LayerMark {
-    /// `;LAYER_CHANGE` (PrusaSlicer and its kin), `; CHANGE_LAYER` (Bambu).
-    Change,
-    /// `;LAYER:4` (Cura, ideaMaker).
-    Cura,
-    /// `; layer 4, Z = 0.8`, `;<layer>`, `; --- layer 4` (others).
-    Other,
-}
-
 fn mark(line: &[u8]) -> Option<Mark> {
     // The first byte decides for nearly every line.
     match line.trim_ascii_start() {
@@ -45,23 +34,13 @@ fn mark(line: &[u8]) -> Option<Mark> {
 }
 
 fn comment_mark(comment: &[u8]) -> Option<Mark> {
-    if matches!(comment, b"LAYER_CHANGE" | b"CHANGE_LAYER") {
-        return Some(Mark::Layer(LayerMark::Change));
-    }
-    if let Some(n) = comment.strip_prefix(b"LAYER:") {
-        return number(n).map(|_| Mark::Layer(LayerMark::Cura));
-    }
     if let Some(s) = comment.strip_prefix(b"TIME_ELAPSED:") {
         return number(s).map(Mark::Elapsed);
     }
     if let Some(s) = comment.strip_prefix(b"TIME:") {
         return number(s).map(Mark::Total);
     }
-    let other = comment.strip_prefix(b"--- ").unwrap_or(comment);
-    let n = other.strip_prefix(b"layer ")?;
-    let digits = n.iter().take_while(|b| b.is_ascii_digit()).count();
-    let ends = n.get(digits).is_none_or(|b| matches!(b, b',' | b' '));
-    (digits > 0 && ends).then_some(Mark::Layer(LayerMark::Other))
+    layer_mark(comment).map(Mark::Layer)
 }
 
 /// `M73 P12 R34`: 34 minutes are left.

@@ -291,6 +291,7 @@ mod tests {
     use super::super::held::Borders;
     use super::*;
     use crate::layers::polygon::{Inside, resolve};
+    use crate::layers::shape::ring_length;
     use proptest::prelude::*;
 
     /// The area that all chords of a piece leave, each cut out by itself between each two
@@ -349,7 +350,7 @@ mod tests {
                 for residual in without(&upper.rings, &rings(&below)).polygons {
                     let piece = borders.residual(residual);
                     let overhang = crate::layers::polygon::within(&piece.polygon.rings, &rings(&part)).polygons;
-                    let border: f64 = overhang.iter().flat_map(|p| &p.rings).map(|r| super::super::length(r)).sum();
+                    let border: f64 = overhang.iter().flat_map(|p| &p.rings).map(|r| ring_length(r)).sum();
                     for way in directions(&piece) {
                         let boxes: Vec<FramedBox> = overhang.iter().map(|p| FramedBox::of(p, way)).collect();
                         let strands = strands(&piece, way, span, &boxes);

@@ -72,45 +72,48 @@ impl Levels {
     /// beyond; layers that are given go on above it, empty.
     pub(super) fn planes(&self, top: i32) -> Result<Vec<i32>, SliceError> {
         match self {
-            Levels::Even(heights) => even(*heights, top),
-            Levels::Given(levels) => given(levels),
+            Levels::Even(heights) => self.below(*heights, top),
+            Levels::Given(levels) => self.rising(levels.len() as u32),
         }
     }
-}
 
-/// Planes of heights from a job.
-fn given(levels: &[[f64; 2]]) -> Result<Vec<i32>, SliceError> {
-    let middles = levels.iter().map(|[bottom, top]| (bottom + top) / 2.0 * UNITS_PER_MM);
-    // What is not finite or too high for the grid becomes something that does not rise.
-    let planes: Vec<i32> = middles.map(|p| p.round() as i32).collect();
-    let falls = planes.windows(2).position(|p| p[1] <= p[0]).map(|k| k + 1);
-    match falls.or(planes.first().is_none_or(|p| *p < 0).then_some(0)) {
-        Some(layer) => Err(SliceError::Heights { layer: layer as u32 }),
-        None => Ok(planes),
+    /// A layer's plane, in grid steps.
+    fn plane(&self, number: u32) -> f64 {
+        (self.empty_layer(number).plane_mm() * UNITS_PER_MM).round()
     }
-}
 
-/// Planes of layers of one thickness.
-fn even(heights: LayerHeights, top: i32) -> Result<Vec<i32>, SliceError> {
-    heights.check()?;
-    let part_mm = f64::from(top) / UNITS_PER_MM;
-    let expected = (part_mm - heights.first_mm) / heights.layer_mm + 1.0;
-    if expected > f64::from(MAX_LAYERS) {
-        return Err(SliceError::TooManyLayers { part_mm, layer_mm: heights.layer_mm });
-    }
-    let mut planes = Vec::with_capacity(expected.max(0.0) as usize + 2);
-    for number in 0.. {
-        let [bottom_mm, top_mm] = heights.of(number);
-        let plane = ((bottom_mm + top_mm) / 2.0 * UNITS_PER_MM).round();
-        if plane >= f64::from(top) {
-            break;
+    /// Planes of heights from a job.
+    fn rising(&self, count: u32) -> Result<Vec<i32>, SliceError> {
+        // What is not finite or too high for the grid becomes something that does not rise.
+        let planes: Vec<i32> = (0..count).map(|number| self.plane(number) as i32).collect();
+        let falls = planes.windows(2).position(|p| p[1] <= p[0]).map(|k| k + 1);
+        match falls.or(planes.first().is_none_or(|p| *p < 0).then_some(0)) {
+            Some(layer) => Err(SliceError::Heights { layer: layer as u32 }),
+            None => Ok(planes),
         }
-        planes.push(plane as i32);
     }
-    if planes.is_empty() {
-        return Err(SliceError::Flat { part_mm, first_mm: heights.first_mm });
+
+    /// Planes of layers of one thickness.
+    fn below(&self, heights: LayerHeights, top: i32) -> Result<Vec<i32>, SliceError> {
+        heights.check()?;
+        let part_mm = f64::from(top) / UNITS_PER_MM;
+        let expected = (part_mm - heights.first_mm) / heights.layer_mm + 1.0;
+        if expected > f64::from(MAX_LAYERS) {
+            return Err(SliceError::TooManyLayers { part_mm, layer_mm: heights.layer_mm });
+        }
+        let mut planes = Vec::with_capacity(expected.max(0.0) as usize + 2);
+        for number in 0.. {
+            let plane = self.plane(number);
+            if plane >= f64::from(top) {
+                break;
+            }
+            planes.push(plane as i32);
+        }
+        if planes.is_empty() {
+            return Err(SliceError::Flat { part_mm, first_mm: heights.first_mm });
+        }
+        Ok(planes)
     }
-    Ok(planes)
 }
 
 #[cfg(test)]
@@ -120,7 +123,8 @@ mod tests {
     #[test]
     fn planes_are_the_middles_of_the_layers() {
         let check = |layer_mm: f64, first_mm: f64, top: i32, expect: Result<&[i32], &str>| {
-            let found = even(LayerHeights { layer_mm, first_mm }, top).map_err(|e| e.to_string());
+            let found =
+                Levels::Even(LayerHeights { layer_mm, first_mm }).planes(top).map_err(|e| e.to_string());
             match (&found, expect) {
                 (Ok(planes), Ok(expect)) => assert_eq!(planes, expect),
                 (Err(message), Err(part)) => assert!(message.contains(part), "{message}"),
@@ -144,7 +148,7 @@ mod tests {
     #[test]
     fn heights_do_not_drift() {
         let heights = LayerHeights::even(0.025);
-        let last = *even(heights, 200_000_000).unwrap().last().unwrap();
+        let last = *Levels::Even(heights).planes(200_000_000).unwrap().last().unwrap();
         assert_eq!(last, 200_000_000 - 125);
     }
 

@@ -176,35 +176,21 @@ fn smooth(vertices: &mut [[f64; 3]], quads: &[[u32; 4]]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layers::polygon::{Inside, resolve};
-    use crate::layers::shape::{Point, Region, Ring};
+    use crate::layers::shape::{Point, Region};
     use crate::layers::stack::Layer;
     use crate::support::clearance::Drawing;
+    use crate::support::testing::{layers, region};
     use std::collections::HashMap;
 
-    fn region(rectangles: &[[f64; 4]]) -> Region {
-        let ring = |r: &[f64; 4]| -> Ring {
-            [(r[0], r[1]), (r[2], r[1]), (r[2], r[3]), (r[0], r[3])]
-                .map(|p| Point::from_mm(p.0, p.1))
-                .to_vec()
-        };
-        resolve(&rectangles.iter().map(ring).collect::<Vec<_>>(), Inside::NonZero)
-    }
-
     fn hull_of(height_mm: f64, part: impl Fn(f64) -> Region) -> Hull {
-        let layer = |number: u32| {
-            let bottom_mm = f64::from(number) * 0.2;
-            let part = part(bottom_mm + 0.1);
-            Layer { number, bottom_mm, top_mm: bottom_mm + 0.2, part, aid: Region::default() }
-        };
-        let layers: Vec<Layer> = (0..(height_mm / 0.2).round() as u32).map(layer).collect();
+        let layers = layers((height_mm / 0.2).round() as u32, 0.2, part);
         let bounds = layers.iter().fold(Bounds::EMPTY, |b, l| b.joined(l.part.bounds()));
         let mut drawing = Drawing::new(bounds, height_mm, &Region::default());
         drawing.add(&layers);
         hull(&drawing.finish(), bounds)
     }
 
-    /// Six times the volume, and whether each edge is met once each way.
+    /// The volume, mm³, and whether each edge is met once each way.
     fn measured(hull: &Hull) -> (f64, bool) {
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
         let mut volume = 0.0;
@@ -213,9 +199,7 @@ mod tests {
             volume += a[0] * (b[1] * c[2] - b[2] * c[1])
                 + a[1] * (b[2] * c[0] - b[0] * c[2])
                 + a[2] * (b[0] * c[1] - b[1] * c[0]);
-            for k in 0..3 {
-                *edges.entry((t[k], t[(k + 1) % 3])).or_default() += 1;
-            }
+            (0..3).for_each(|k| *edges.entry((t[k], t[(k + 1) % 3])).or_default() += 1);
         }
         (volume / 6.0, edges.iter().all(|((a, b), n)| edges.get(&(*b, *a)) == Some(n)))
     }

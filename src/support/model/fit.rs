@@ -13,7 +13,7 @@
 use super::Outlines;
 use crate::layers::from_mesh::{FromMesh, SliceError};
 use crate::layers::polygon::{Inside, difference, resolve};
-use crate::layers::shape::{Bounds, Point, Region, Ring, ring_edges};
+use crate::layers::shape::{Bounds, Point, Region, Ring, UNITS_PER_MM, ring_length};
 use crate::layers::stack::{Layer, Layers};
 use crate::mesh::Mesh;
 use crate::support::rules::Process;
@@ -172,7 +172,7 @@ impl Judge {
         let pair = |(model, (_, job)): (Layer, &(u32, Vec<Ring>))| {
             let outer: Vec<_> = model.part.polygons.iter().filter_map(|p| p.rings.first()).collect();
             let model_filled = resolve(outer, Inside::NonZero);
-            let long_mm: f64 = model_filled.rings().map(ring_length_mm).sum();
+            let long_mm = model_filled.rings().map(|r| ring_length(r)).sum::<f64>() / UNITS_PER_MM;
             let area_mm2 = model_filled.area_mm2();
             Pair {
                 top_mm: model.top_mm + up_mm,
@@ -235,10 +235,6 @@ impl Pair {
         let fits = |region: &Region| region.area_mm2() <= self.slack_mm2;
         Some(fits(&difference(&model, &self.job)) && (may_show_more || fits(&difference(&self.job, &model))))
     }
-}
-
-fn ring_length_mm(ring: &Ring) -> f64 {
-    ring_edges(ring).map(|[a, b]| [a.mm(), b.mm()]).map(|[a, b]| (b[0] - a[0]).hypot(b[1] - a[1])).sum()
 }
 
 #[cfg(test)]

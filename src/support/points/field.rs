@@ -1,4 +1,5 @@
 //! All that is known of the needs: where tips can stand, and whom they hold.
+use super::super::cells::cell;
 use super::super::demand::{Demand, Need};
 use super::super::rules::Rules;
 use super::super::site::{Floor, Head, Reason, Site};
@@ -35,7 +36,7 @@ impl<'a> Near<'a> {
     fn new(needs: &'a [Need], cell_mm: f64) -> Near<'a> {
         let mut by_cell: FxHashMap<[i32; 3], Vec<u32>> = FxHashMap::default();
         for (k, need) in needs.iter().enumerate() {
-            by_cell.entry(need.at_mm.map(|c| (c / cell_mm).floor() as i32)).or_default().push(k as u32);
+            by_cell.entry(cell(need.at_mm, cell_mm)).or_default().push(k as u32);
         }
         Near { needs, cell_mm, by_cell }
     }
@@ -43,8 +44,8 @@ impl<'a> Near<'a> {
     /// Needs of the same region within a distance, the need itself included.
     fn within(&self, of: u32, distance_mm: f64) -> Vec<u32> {
         let need = &self.needs[of as usize];
-        let low = need.at_mm.map(|c| ((c - distance_mm) / self.cell_mm).floor() as i32);
-        let high = need.at_mm.map(|c| ((c + distance_mm) / self.cell_mm).floor() as i32);
+        let low = cell(need.at_mm.map(|c| c - distance_mm), self.cell_mm);
+        let high = cell(need.at_mm.map(|c| c + distance_mm), self.cell_mm);
         let mut found = Vec::new();
         for x in low[0]..=high[0] {
             for y in low[1]..=high[1] {
@@ -154,13 +155,12 @@ impl<'a> Field<'a> {
         let places: Vec<u32> =
             near.iter().copied().filter(|k| of(k).under.is_some() && of(k).under == own.under).collect();
         // A head that leans meets the underside beside its contact.
-        let meets = |k: &u32| {
-            let head = self.heads[*k as usize].ok()?;
+        let meets = |head: Head| {
             let [x, y] = head.axis_mm(own.at_mm[2]);
             let apart = |p: &u32| (of(p).at_mm[0] - x).hypot(of(p).at_mm[1] - y);
-            Some(places.iter().any(|p| apart(p) <= MEETS * head.contact_radius_mm))
+            places.iter().any(|p| apart(p) <= MEETS * head.contact_radius_mm)
         };
-        let fits = |k: &u32| meets(k) == Some(true);
+        let fits = |k: &u32| self.heads[*k as usize].is_ok_and(meets);
         let apart = |k: &u32| apart2(of(k), own);
         places.iter().copied().filter(fits).min_by(|a, b| apart(a).total_cmp(&apart(b)))
     }
