@@ -10,6 +10,8 @@ pub mod printer;
 pub mod profile;
 pub mod report;
 pub mod resin;
+mod server;
+mod station;
 pub mod support;
 pub mod toolpath;
 pub mod units;

@@ -18,6 +18,7 @@ const RULES: &[(&str, &[&str])] = &[
     ("profile", &["units"]),
     ("printer", &["units"]),
     ("job", &["printer", "units"]),
+    ("station", &["job", "printer", "profile", "units"]),
     ("post", &["toolpath", "units"]),
     ("report", &["detect", "layers", "post", "support", "toolpath", "units"]),
 ];
@@ -49,6 +50,7 @@ const ONLY: &[(&str, &[&str])] = &[
             "src/job/state/tests.rs",
             "src/printer/",
             "src/profile",
+            "src/station/",
             "src/layers/from_gcode/tests.rs",
             "src/merge/testing.rs",
         ],

@@ -11,7 +11,7 @@ mod talk;
 #[cfg(test)]
 mod tests;
 
-use super::escape::{printable, printable_to};
+use crate::station::escape::{printable, printable_to};
 use super::print::runtime;
 use super::serial::{Baud, rate};
 use crate::printer::find::{self, Connection, Places, Wanted};

@@ -11,6 +11,7 @@ use crate::printer::find::{Places, Rate, Wanted, connect};
 use crate::printer::mock::{self, Faults, Stats};
 use crate::printer::port::OpenMode;
 use crate::profile::{Profile, load_printer};
+use crate::station;
 use anyhow::{Context, bail};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -244,8 +245,8 @@ fn stream(
     heading(6, "Print it (outrigger print)");
     // What the demo prints is nobody's job: its records go with it.
     let records = tempfile::tempdir().context("cannot make a temporary folder")?;
-    let folder = print::Folder::open(Some(records.path()))?;
-    let job = print::Job::open(&paths.reordered, profile, PROFILE, Some(&folder.store))?;
+    let folder = station::Folder::open(Some(records.path()))?;
+    let job = station::Job::open(&paths.reordered, profile, PROFILE, Some(&folder.store))?;
     let wanted = Wanted::Path(printer.path().display().to_string());
     let fresh = OpenMode::Fresh { reset: false };
     let baud = profile.serial.baud;

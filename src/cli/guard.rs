@@ -7,17 +7,16 @@
 mod safe;
 mod watch;
 
-use super::print::Folder;
+use crate::station::{Folder, guardian};
 use crate::job::disk::{Entry, JobId, Store, StoreError};
 use crate::job::record::Log;
 use crate::job::state::State;
 use crate::profile::load_printer;
-use anyhow::Context;
 use safe::Done;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::PathBuf;
-use std::process::{Command, ExitCode, Stdio};
+use std::process::ExitCode;
 use std::time::{Duration, Instant, SystemTime};
 use watch::{Look, Step, Watch};
 
@@ -86,8 +85,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// Starts a guardian for a job that this process prints. One that cannot be started is
 /// told; the job goes on.
 pub(super) fn start(store: &Store, id: JobId) {
-    let arguments = ["guard".into(), "--job".into(), id.to_string().into()];
-    if let Err(why) = spawn(store, arguments) {
+    if let Err(why) = guardian::start(store, id) {
         eprintln!("outrigger: warning: no guardian ({why:#}): if this process dies, heaters stay on");
     }
 }
@@ -104,27 +102,7 @@ fn detach(store: &Store, args: &Args) -> anyhow::Result<()> {
     if let Some(s) = args.timeout {
         arguments.extend(["--timeout".into(), s.to_string().into()]);
     }
-    spawn(store, arguments)
-}
-
-/// This program once more, with no ties to our folder, terminal and pipes. Whoever runs
-/// out of patience with a dead parent inherits it; a living one collects it in a thread.
-fn spawn(store: &Store, arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<()> {
-    let program = std::env::current_exe().context("cannot find this program")?;
-    let state = std::path::absolute(store.path()).context("cannot find the folder of the jobs")?;
-    let mut child = Command::new(program)
-        .args(arguments)
-        .arg("--state")
-        .arg(state)
-        .current_dir("/")
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .context("cannot start it")?;
-    // A guardian that ends before us must not stay as a zombie.
-    let _ = std::thread::Builder::new().name("guardian".to_owned()).spawn(move || child.wait());
-    Ok(())
+    guardian::spawn(store, arguments)
 }
 
 struct Guard<'a> {

@@ -6,7 +6,6 @@
 mod check;
 mod console;
 mod demo;
-mod escape;
 mod files;
 mod guard;
 mod interrupt;
@@ -22,7 +21,9 @@ mod print;
 mod profile;
 mod progress;
 mod serial;
+mod serve;
 mod support;
+mod user;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -45,6 +46,8 @@ enum Verb {
     Support(support::Args),
     Post(post::Args),
     Print(print::Args),
+    Serve(serve::Args),
+    User(user::Args),
     Jobs(jobs::Args),
     Ports(ports::Args),
     Console(console::Args),
@@ -56,7 +59,7 @@ enum Verb {
 /// What a host needs of a printer's profile; `macros`: whether its start and end macros go
 /// around the file. For the rig, which prints without the command line.
 pub fn host_settings(profile: &crate::profile::Profile, macros: bool) -> crate::job::host::HostSettings {
-    print::settings::of(profile, macros)
+    crate::station::settings::of(profile, macros)
 }
 
 /// Runs the verb that the command line names.
@@ -68,6 +71,8 @@ pub fn main() -> ExitCode {
         Verb::Support(args) => support::run(&args),
         Verb::Post(args) => post::run(&args),
         Verb::Print(args) => print::run(args),
+        Verb::Serve(args) => serve::run(&args),
+        Verb::User(args) => user::run(&args),
         Verb::Jobs(args) => jobs::run(args),
         Verb::Ports(args) => ports::run(&args),
         Verb::Console(args) => console::run(&args),

@@ -1,6 +1,6 @@
 //! `outrigger ports`: the serial ports that there are, and which have a printer.
 use super::{print::runtime, say};
-use crate::cli::escape::printable;
+use crate::station::escape::printable;
 use crate::printer::find::baud::{Verdict, rates};
 use crate::printer::find::{self, Found, Places, Usb};
 use crate::printer::port::{OpenMode, PortError};

@@ -3,20 +3,12 @@
 //! The whole file is checked before the first line goes out. Ctrl-C (or SIGTERM,
 //! or the terminal's end) cancels: what the printer has is awaited and the
 //! profile's cancel macro makes it safe; a second one quits at once.
-pub(super) mod cases;
-mod folder;
-mod job;
 mod keys;
 mod letters;
-mod marks;
-mod news;
-pub(super) mod settings;
 mod show;
 mod verdict;
 mod words;
 
-pub(super) use folder::{Folder, lasting_port};
-pub(super) use job::{Job, now_unix_s};
 pub(super) use letters::{Letters, letters};
 
 use super::guard;
@@ -31,9 +23,10 @@ use crate::printer::mock;
 use crate::printer::port::OpenMode;
 use crate::profile::printer::HardStop;
 use crate::profile::{Profile, load_printer};
+use crate::station::marks::Marks;
+use crate::station::{Folder, Job, lasting_name, lasting_port, now_unix_s, settings};
 use anyhow::Context;
 use keys::Keys;
-use marks::Marks;
 use show::Show;
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -107,7 +100,7 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
         }
     };
     let wanted: Wanted = args.port.parse()?;
-    let name = folder::lasting_name(&args.profile)?;
+    let name = lasting_name(&args.profile)?;
     let job = Job::open(&args.file, &profile, &name, folder.as_ref().map(|f| &f.store))?;
     let rate = rate(args.baud, profile.serial.baud);
     runtime()?.block_on(async {

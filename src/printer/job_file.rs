@@ -87,7 +87,7 @@ const MAGICS: [(&[u8], &str, &str); 4] = [
 ];
 
 /// What a whole file holds, from [`check`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub struct Checked {
     /// Lines, with and without a command.
     pub lines: u64,

@@ -105,13 +105,36 @@ impl Walk<'_> {
                 }
                 Ok(())
             }
-            (Takes::Text, DeValue::String(s)) if s.is_empty() || s.len() > TEXT_BYTES_MAX => {
-                wrong(format!("must have 1 to {TEXT_BYTES_MAX} bytes"))
+            (Takes::Text, DeValue::String(s)) => line(s, TEXT_BYTES_MAX).or_else(wrong),
+            (Takes::Line(max), DeValue::String(s)) => line(s, *max).or_else(wrong),
+            (Takes::Texts(max), DeValue::Array(list)) => {
+                if list.len() > *max {
+                    return wrong(format!("takes {max} at most, but has {}", list.len()));
+                }
+                for item in list.iter() {
+                    let text = match item.get_ref() {
+                        DeValue::String(s) => line(s, TEXT_BYTES_MAX),
+                        other => Err(format!("takes texts, but has {}", other.type_str())),
+                    };
+                    text.or_else(wrong)?;
+                }
+                Ok(())
             }
-            (Takes::Text, DeValue::String(s)) if s.chars().any(char::is_control) => {
-                wrong("must not have control characters".to_owned())
+            (Takes::Tables(max), DeValue::Array(list)) => {
+                if list.len() > *max {
+                    return wrong(format!("takes {max} at most, but has {}", list.len()));
+                }
+                for item in list.iter() {
+                    match item.get_ref() {
+                        DeValue::Table(table) => {
+                            self.table(key.path, &Spanned::new(item.span(), table.clone()))?;
+                        }
+                        other => return wrong(format!("takes tables, but has {}", other.type_str())),
+                    }
+                }
+                Ok(())
             }
-            (Takes::Text | Takes::Macro, DeValue::String(_)) | (Takes::Flag, DeValue::Boolean(_)) => Ok(()),
+            (Takes::Macro, DeValue::String(_)) | (Takes::Flag, DeValue::Boolean(_)) => Ok(()),
             (Takes::OneOf(words), DeValue::String(s)) => {
                 if words.contains(&s.as_ref()) {
                     return Ok(());
@@ -147,6 +170,17 @@ impl Walk<'_> {
     }
 }
 
+/// One line of text.
+fn line(text: &str, max_bytes: usize) -> Result<(), String> {
+    if text.is_empty() || text.len() > max_bytes {
+        return Err(format!("must have 1 to {max_bytes} bytes"));
+    }
+    match text.chars().any(char::is_control) {
+        true => Err("must not have control characters".to_owned()),
+        false => Ok(()),
+    }
+}
+
 fn number(value: &DeValue<'_>) -> Option<f64> {
     match value {
         DeValue::Integer(n) => i64::from_str_radix(n.as_str(), n.radix()).ok().map(|n| n as f64),
@@ -157,7 +191,9 @@ fn number(value: &DeValue<'_>) -> Option<f64> {
 
 fn wanted(takes: &Takes) -> &'static str {
     match takes {
-        Takes::Text => "text",
+        Takes::Text | Takes::Line(_) => "text",
+        Takes::Texts(_) => "a list of texts",
+        Takes::Tables(_) => "a list of tables: [[…]]",
         Takes::OneOf(_) => "one of some words",
         Takes::Number(..) => "a number",
         Takes::Whole(..) => "a whole number",
@@ -196,6 +232,9 @@ mod tests {
         Key { path: "serial.window.lines", takes: Takes::Whole(1, 9), required: false, doc: "" },
         Key { path: "size_mm", takes: Takes::Number(0.5, 2.0), required: false, doc: "" },
         Key { path: "cancel", takes: Takes::Macro, required: false, doc: "" },
+        Key { path: "listen", takes: Takes::Texts(2), required: false, doc: "" },
+        Key { path: "printer", takes: Takes::Tables(2), required: false, doc: "" },
+        Key { path: "printer.id", takes: Takes::Line(4), required: true, doc: "Short name" },
     ];
 
     /// `expect`: the line and a part of what is said; line 0 is "no fault".
@@ -242,6 +281,16 @@ mod tests {
         check("name='a'\ncancel='M107'", 0, "");
         check("name='a'\ncancel={file='x'}", 0, "");
         check("name='a'\ncancel={fil='x'}", 2, "file = \"NAME\"");
+        check("name='a'\nlisten=['a','b']", 0, "");
+        check("name='a'\nlisten=['a','b','c']", 2, "2 at most");
+        check("name='a'\nlisten=['']", 2, "1 to 80 bytes");
+        check("name='a'\nlisten=[1]", 2, "takes texts");
+        check("name='a'\nlisten='a'", 2, "a list of texts");
+        check("name='a'\n[[printer]]\nid='a'\n[[printer]]\nid='b'", 0, "");
+        check("name='a'\n[[printer]]\nid='abcde'", 3, "1 to 4 bytes");
+        check("name='a'\n[[printer]]\nid='a'\nidd=1", 4, "unknown key printer.idd; did you mean printer.id?");
+        check("name='a'\n[[printer]]\n", 2, "printer.id is missing");
+        check("name='a'\nprinter=[1]", 2, "takes tables");
         check("name='a'\nname='b'", 2, "duplicate");
         check("name='a'\n?", 2, "");
         check("", 1, "name is missing");

@@ -22,6 +22,12 @@ pub struct Key {
 pub enum Takes {
     /// One line of text of at most [`TEXT_BYTES_MAX`].
     Text,
+    /// One line of text of at most this many bytes: a path, an address.
+    Line(usize),
+    /// A list of at most this many such lines, each of at most [`TEXT_BYTES_MAX`].
+    Texts(usize),
+    /// A list of at most this many tables (`[[printer]]`), each with keys of its own.
+    Tables(usize),
     /// One of these words.
     OneOf(&'static [&'static str]),
     /// A number from the first to the second, both included.

@@ -23,7 +23,7 @@ pub mod material;
 pub mod printer;
 pub mod resume;
 
-pub(crate) use check::nearest;
+pub(crate) use check::{check, line_of, nearest};
 pub use macros::Macro;
 pub use material::{Material, SelfSupport};
 pub use printer::Profile;

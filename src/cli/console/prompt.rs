@@ -5,7 +5,7 @@
 use super::keys::Keys;
 use super::talk::Shown;
 use super::{Screen, Typed};
-use crate::cli::escape::printable_to;
+use crate::station::escape::printable_to;
 use crate::job::disk;
 use crate::printer::lines::MAX_REPLY_LEN;
 use anyhow::Context;

@@ -1,5 +1,6 @@
 //! Making a printer safe whose host is dead.
-use crate::cli::print::{Job, letters, runtime, settings};
+use crate::cli::print::{letters, runtime};
+use crate::station::{Job, settings};
 use crate::job::disk::{JobId, Store, StoreError};
 use crate::job::host::{Begin, Host, HostEvent};
 use crate::job::record::{Log, Record};

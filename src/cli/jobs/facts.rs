@@ -2,7 +2,7 @@
 //!
 //! Takes a job as the folder shows it; gives words, a share, what can be done next, and
 //! the JSON fields that the verb's help lists.
-use crate::cli::escape::printable;
+use crate::station::escape::printable;
 use crate::job::disk::{Entry, JobId};
 use crate::job::record::Log;
 use crate::job::state::State;

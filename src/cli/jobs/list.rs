@@ -1,7 +1,8 @@
 //! `outrigger jobs list`: all jobs, a line each.
 use super::facts::{Json, file_name, json, percent, state_words};
 use super::when::ago;
-use crate::cli::{escape::printable, say};
+use crate::cli::say;
+use crate::station::escape::printable;
 use crate::job::disk::{Entry, Store};
 use serde::Serialize;
 use std::process::ExitCode;

@@ -4,7 +4,7 @@
 //! kept its state goes on at once. One that lost it waits for a person's word that part
 //! and nozzle are clear, and is told in advance what will be done.
 use crate::cli::guard;
-use crate::cli::print::{Job, Listening, Person, Printing, lasting_port, letters, print, runtime};
+use crate::cli::print::{Listening, Person, Printing, letters, print, runtime};
 use crate::cli::say;
 use crate::cli::serial::{Baud, rate};
 use crate::job::disk::{HeldJob, JobId, Store, StoreError};
@@ -14,6 +14,7 @@ use crate::job::state::State;
 use crate::printer::find::{Places, Wanted, connect};
 use crate::printer::port::OpenMode;
 use crate::profile::{Profile, load_printer};
+use crate::station::{Job, lasting_port};
 use anyhow::{Context, bail};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -120,7 +121,7 @@ fn resume(
     runtime()?.block_on(async {
         let letters = letters()?;
         // Boards that opening resets say `start`; that is heard by the host.
-        let boot_ms = crate::cli::print::settings::boot_wait_ms(profile);
+        let boot_ms = crate::station::settings::boot_wait_ms(profile);
         let connection = connect(&wanted, rate, OpenMode::TakeOver, boot_ms, &Places::default()).await?;
         let started = tokio::time::Instant::now();
         let device = lasting_port(&wanted, connection.port.path());

@@ -2,7 +2,8 @@
 use super::facts::{Next, hex, is_orphan, json, next, percent, state_words};
 use super::list::now_unix_s;
 use super::when::{ago, date};
-use crate::cli::{escape::printable, say};
+use crate::cli::say;
+use crate::station::escape::printable;
 use crate::job::disk::{Entry, JobId, Store, StoreError};
 use crate::job::journal::Picture;
 use crate::job::record::{Checkpoint, Log};

@@ -4,10 +4,9 @@
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
 use super::Person;
-use super::cases;
-use super::marks::{Facts, Marks};
-use super::news;
-use crate::cli::escape::printable;
+use crate::station::marks::{Facts, Marks};
+use crate::station::{cases, news, pace};
+use crate::station::escape::printable;
 use crate::job::host::{HostEvent, Request};
 use crate::job::recover::Plan;
 use crate::job::run::{Mail, Watcher};
@@ -26,12 +25,6 @@ const BAR_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Without a terminal, a line so often: a log of a ten-hour print stays readable.
 const PLAIN_INTERVAL: Duration = Duration::from_secs(10);
-
-/// Part of the job that must be done before its own pace tells what is left…
-const PACE_FRACTION: f64 = 0.02;
-
-/// …and how long it must have run.
-const PACE_S: f64 = 20.0;
 
 /// Unknown commands that are named; more would say no more.
 const MAX_UNKNOWN: usize = 20;
@@ -155,7 +148,7 @@ impl Show {
             parts.extend(reading("bed", t.bed));
             parts.extend(reading("chamber", t.chamber));
         }
-        if let Some(left_s) = self.left_s(marks.left_s) {
+        if let Some(left_s) = self.left_s(&marks) {
             parts.push(format!("{} left", duration(left_s)));
         }
         parts.join("  ")
@@ -175,22 +168,12 @@ impl Show {
     }
 
     fn fraction(&self) -> f64 {
-        self.line as f64 / self.checked.last_command.max(1) as f64
+        pace::fraction(self.line, &self.checked)
     }
 
-    /// How long the rest takes: at the pace so far once that tells, by the
-    /// slicer's own estimate before. The slicer's marks also tell best how far the
-    /// job is: lines are of very different length.
-    fn left_s(&self, marked_s: Option<f64>) -> Option<f64> {
+    fn left_s(&self, marks: &Marks) -> Option<f64> {
         let elapsed_s = self.first_line?.elapsed().as_secs_f64();
-        let done = match (marked_s, self.facts.total_s) {
-            (Some(left), Some(total)) if total > 0.0 => (1.0 - left / total).clamp(0.0, 1.0),
-            _ => self.fraction(),
-        };
-        if done >= PACE_FRACTION && elapsed_s >= PACE_S {
-            return Some(elapsed_s * (1.0 - done) / done);
-        }
-        marked_s.or(self.facts.total_s).map(|s| s / self.speed)
+        pace::left_s(elapsed_s, self.line, &self.checked, self.facts, marks, self.speed)
     }
 
     fn refresh(&mut self, interval: Duration) {

@@ -1,23 +1,12 @@
 //! The last words on a job.
 use super::show::Show;
-use crate::cli::escape::printable;
+use crate::station::escape::printable;
+use crate::station::news;
 use crate::job::disk::JobId;
 use crate::job::run::End;
 use crate::job::state::State;
-use crate::printer::session::{Ending, Outcome, Safety};
+use crate::printer::session::{Ending, Outcome};
 use anyhow::bail;
-
-/// What the printer's heaters are after a job that ended early.
-pub(in crate::cli) fn after(safety: Safety) -> &'static str {
-    match safety {
-        Safety::Untouched => "nothing of it was sent",
-        Safety::Acknowledged => "the printer has run the cancel macro: heaters are off",
-        Safety::ByFirmware => "the firmware has switched its heaters off",
-        Safety::Unknown => {
-            "the printer did not confirm the cancel macro: HEATERS MAY BE ON, switch it off by hand"
-        }
-    }
-}
 
 /// The last words: good ones are shown, bad ones are the error.
 ///
@@ -42,7 +31,7 @@ pub(super) fn verdict(
                 Ending::EmergencyStop => "emergency stop".to_owned(),
                 Ending::Failed(failure) => printable(&failure.to_string()),
             };
-            bail!("{name}: {why}; {}{}", after(*safety), next(id, state))
+            bail!("{name}: {why}; {}{}", news::after(*safety), next(id, state))
         }
         End::Left => bail!("{name}: the job is {}{}", state.words(), next(id, state)),
         End::Quit if state == State::Interrupted => {

@@ -21,12 +21,12 @@ use std::time::{SystemTime, UNIX_EPOCH};
 const KNOWN_BYTES: u64 = 16 << 20;
 
 /// A file that was checked and can be sent.
-pub(in crate::cli) struct Job {
+pub(crate) struct Job {
     file: File,
     /// What is written down of it.
-    pub(in crate::cli) accepted: Accepted,
-    pub(super) checked: Checked,
-    pub(super) facts: Facts,
+    pub(crate) accepted: Accepted,
+    pub(crate) checked: Checked,
+    pub(crate) facts: Facts,
 }
 
 impl Job {
@@ -35,7 +35,7 @@ impl Job {
     ///
     /// # Errors
     /// It cannot be read, or not be printed by this printer; which line, and why.
-    pub(in crate::cli) fn open(
+    pub(crate) fn open(
         path: &Path,
         profile: &Profile,
         profile_name: &str,
@@ -78,7 +78,7 @@ impl Job {
     ///
     /// # Errors
     /// It is gone, or was changed.
-    pub(in crate::cli) fn again(accepted: &Accepted) -> anyhow::Result<Self> {
+    pub(crate) fn again(accepted: &Accepted) -> anyhow::Result<Self> {
         Self::same(accepted).with_context(|| accepted.path.display().to_string())
     }
 
@@ -105,7 +105,7 @@ impl Job {
     ///
     /// # Errors
     /// The file cannot be read from its beginning.
-    pub(in crate::cli) fn lines(&self, marks: Rc<RefCell<Marks>>) -> anyhow::Result<impl Source + use<>> {
+    pub(crate) fn lines(&self, marks: Rc<RefCell<Marks>>) -> anyhow::Result<impl Source + use<>> {
         let mut file = self.file.try_clone()?;
         file.seek(SeekFrom::Start(0))?;
         let read_marks = Rc::clone(&marks);
@@ -152,6 +152,6 @@ impl<R: Read, F: FnMut(u64, &[u8])> Source for Marked<R, F> {
 }
 
 /// Seconds since 1970; 0 where the clock says that it is earlier.
-pub(in crate::cli) fn now_unix_s() -> u64 {
+pub(crate) fn now_unix_s() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }

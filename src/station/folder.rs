@@ -9,13 +9,13 @@ use anyhow::{Context, bail};
 use std::path::Path;
 
 /// The folder of the jobs' records.
-pub(in crate::cli) struct Folder {
+pub(crate) struct Folder {
     /// The jobs.
-    pub(in crate::cli) store: Store,
+    pub(crate) store: Store,
 }
 
 /// A profile's name that finds it from anywhere: files by their absolute path.
-pub(super) fn lasting_name(profile: &str) -> anyhow::Result<String> {
+pub(crate) fn lasting_name(profile: &str) -> anyhow::Result<String> {
     if !(profile.ends_with(".toml") || profile.contains('/')) {
         return Ok(profile.to_owned());
     }
@@ -25,7 +25,7 @@ pub(super) fn lasting_name(profile: &str) -> anyhow::Result<String> {
 
 /// What finds a printer again that was found at `path`: a link as it was given, else its
 /// USB number, else the path.
-pub(in crate::cli) fn lasting_port(wanted: &Wanted, path: &str) -> String {
+pub(crate) fn lasting_port(wanted: &Wanted, path: &str) -> String {
     let link = Path::new(path).is_symlink() || matches!(wanted, Wanted::Usb(_));
     let all = scan(&Places::default());
     match all.iter().find(|port| port.path == path) {
@@ -43,7 +43,7 @@ impl Folder {
     ///
     /// # Errors
     /// There is none, or it cannot be made.
-    pub(in crate::cli) fn open(named: Option<&Path>) -> Result<Self, StoreError> {
+    pub(crate) fn open(named: Option<&Path>) -> Result<Self, StoreError> {
         let path = folder(named, |name| std::env::var_os(name))?;
         Ok(Self { store: Store::open(&path)? })
     }
@@ -53,7 +53,7 @@ impl Folder {
     ///
     /// # Errors
     /// One stands there: what to do about it.
-    pub(super) fn clear_bed(&self, port: &str, removed: bool) -> anyhow::Result<()> {
+    pub(crate) fn clear_bed(&self, port: &str, removed: bool) -> anyhow::Result<()> {
         // A folder that cannot be read is told when the job is accepted.
         let Ok(entries) = self.store.list() else { return Ok(()) };
         for entry in entries {

@@ -2,13 +2,13 @@
 //!
 //! Takes states and events, gives lines for a person. The printer's own texts are
 //! escaped here.
-use crate::cli::escape::printable;
+use crate::station::escape::printable;
 use crate::job::state::State;
 use crate::printer::action::{Action, Prompt};
-use crate::printer::session::{Ending, StoppedBy, Waiting};
+use crate::printer::session::{Ending, Safety, StoppedBy, Waiting};
 
 /// A state in words, where it is news to the user. How a job ends is the verdict's matter.
-pub(super) fn state(state: State) -> Option<&'static str> {
+pub(crate) fn state(state: State) -> Option<&'static str> {
     Some(match state {
         State::Printing => "printing",
         State::Pausing => "pausing: waiting for what the printer has, then it is parked",
@@ -31,7 +31,7 @@ pub(super) fn state(state: State) -> Option<&'static str> {
 }
 
 /// A question of the printer with its buttons, or that it is over.
-pub(super) fn prompt(prompt: Option<&Prompt>) -> String {
+pub(crate) fn prompt(prompt: Option<&Prompt>) -> String {
     let Some(prompt) = prompt else { return "the printer's question is answered".to_owned() };
     let mut words = format!("the printer asks: {}", printable(&prompt.text));
     for (at, choice) in prompt.choices.iter().enumerate() {
@@ -41,7 +41,7 @@ pub(super) fn prompt(prompt: Option<&Prompt>) -> String {
 }
 
 /// What the printer waits for.
-pub(super) fn waiting(waiting: Option<Waiting>) -> &'static str {
+pub(crate) fn waiting(waiting: Option<Waiting>) -> &'static str {
     match waiting {
         Some(Waiting::Command | Waiting::User) => "the printer waits for you: see its display",
         Some(Waiting::Input) => "the printer waits for an answer: see its display",
@@ -50,7 +50,7 @@ pub(super) fn waiting(waiting: Option<Waiting>) -> &'static str {
 }
 
 /// What the printer wants of its host.
-pub(super) fn action(action: &Action) -> String {
+pub(crate) fn action(action: &Action) -> String {
     match action {
         Action::Pause => "the printer wants a pause".to_owned(),
         Action::Paused => "the printer has paused".to_owned(),
@@ -65,7 +65,7 @@ pub(super) fn action(action: &Action) -> String {
 }
 
 /// How an emergency stop went.
-pub(super) fn stopped(by: Option<StoppedBy>) -> &'static str {
+pub(crate) fn stopped(by: Option<StoppedBy>) -> &'static str {
     match by {
         Some(StoppedBy::Firmware) => "emergency stop: the firmware has halted the printer (M112)",
         Some(StoppedBy::Reset) => {
@@ -79,7 +79,7 @@ pub(super) fn stopped(by: Option<StoppedBy>) -> &'static str {
 }
 
 /// Why no more is fed, and what comes now.
-pub(super) fn stopping(ending: &Ending) -> String {
+pub(crate) fn stopping(ending: &Ending) -> String {
     match ending {
         Ending::Cancelled => "cancelling: waiting for what the printer has, then the cancel macro; Ctrl-C \
                               again quits at once and leaves heaters as they are"
@@ -87,6 +87,18 @@ pub(super) fn stopping(ending: &Ending) -> String {
         Ending::EmergencyStop => "emergency stop".to_owned(),
         Ending::Failed(why) => {
             format!("stopping: {}; sending the cancel macro", printable(&why.to_string()))
+        }
+    }
+}
+
+/// What the printer's heaters are after a job that ended early.
+pub(crate) fn after(safety: Safety) -> &'static str {
+    match safety {
+        Safety::Untouched => "nothing of it was sent",
+        Safety::Acknowledged => "the printer has run the cancel macro: heaters are off",
+        Safety::ByFirmware => "the firmware has switched its heaters off",
+        Safety::Unknown => {
+            "the printer did not confirm the cancel macro: HEATERS MAY BE ON, switch it off by hand"
         }
     }
 }

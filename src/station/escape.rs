@@ -9,12 +9,12 @@ const MAX_CHARS: usize = 300;
 
 /// The text with every character that is not plainly printable written as
 /// `\u{1b}`, and cut at [`MAX_CHARS`].
-pub(super) fn printable(text: &str) -> String {
+pub(crate) fn printable(text: &str) -> String {
     printable_to(text, MAX_CHARS)
 }
 
 /// The same, cut at `max_chars`.
-pub(super) fn printable_to(text: &str, max_chars: usize) -> String {
+pub(crate) fn printable_to(text: &str, max_chars: usize) -> String {
     let mut out = String::with_capacity(text.len().min(4 * max_chars));
     for (at, c) in text.chars().enumerate() {
         if at == max_chars {

@@ -1,9 +1,9 @@
 //! Where a job that was broken off stands, and the way back into it, in plain words.
-use crate::cli::escape::printable;
+use crate::station::escape::printable;
 use crate::job::recover::{Case, Plan};
 
 /// What a person is told of a job that was broken off.
-pub(in crate::cli) fn words(case: &Case) -> String {
+pub(crate) fn words(case: &Case) -> String {
     match case {
         Case::NotBegun => "nothing of the file was sent yet: it starts at its first line".to_owned(),
         Case::HostDied { after, parked } => {
@@ -38,7 +38,7 @@ pub(in crate::cli) fn words(case: &Case) -> String {
 }
 
 /// The way back, step by step, with the lines that are sent.
-pub(in crate::cli) fn plan(plan: &Plan) -> String {
+pub(crate) fn plan(plan: &Plan) -> String {
     let mut text = format!("the way back, with the nozzle taken to be at Z {:.2} mm:\n", plan.z_mm);
     for (at, step) in plan.steps.iter().enumerate() {
         let lines: Vec<_> = step.lines.iter().map(|line| printable(line)).collect();

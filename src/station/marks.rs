@@ -57,17 +57,17 @@ fn number(text: &[u8]) -> Option<f64> {
 
 /// What a whole file says.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
-pub(super) struct Facts {
+pub(crate) struct Facts {
     kind: Option<LayerMark>,
     /// Layers; 0 where the file does not mark them.
-    pub(super) layers: u64,
+    pub(crate) layers: u64,
     /// How long the job takes by the slicer's estimate, in s.
-    pub(super) total_s: Option<f64>,
+    pub(crate) total_s: Option<f64>,
 }
 
 impl Facts {
     /// Takes the next line of the file.
-    pub(super) fn see(&mut self, line: &[u8]) {
+    pub(crate) fn see(&mut self, line: &[u8]) {
         match mark(line) {
             Some(Mark::Layer(kind)) if *self.kind.get_or_insert(kind) == kind => self.layers += 1,
             Some(Mark::Total(s)) => self.total_s = Some(s),
@@ -79,22 +79,22 @@ impl Facts {
 
 /// Marks that were read, and those that were reached.
 #[derive(Debug, Default)]
-pub(in crate::cli) struct Marks {
+pub(crate) struct Marks {
     ahead: VecDeque<(u64, Mark)>,
     kind: Option<LayerMark>,
     total_s: Option<f64>,
     /// The kind of marks that counts while reading, and the layers begun so far.
     read_kind: Option<LayerMark>,
-    pub(super) read: u32,
+    pub(crate) read: u32,
     /// The layer that is printed, from 1; 0 before the first.
-    pub(super) layer: u64,
+    pub(crate) layer: u64,
     /// How much is left at the last mark by the slicer's estimate, in s.
-    pub(super) left_s: Option<f64>,
+    pub(crate) left_s: Option<f64>,
 }
 
 impl Marks {
     /// Line `number` of the file was read.
-    pub(super) fn see(&mut self, number: u64, line: &[u8]) {
+    pub(crate) fn see(&mut self, number: u64, line: &[u8]) {
         let Some(mark) = mark(line) else { return };
         if let Mark::Layer(kind) = mark
             && *self.read_kind.get_or_insert(kind) == kind
@@ -111,7 +111,7 @@ impl Marks {
     }
 
     /// The printer has all lines up to `number`.
-    pub(super) fn reach(&mut self, number: u64) {
+    pub(crate) fn reach(&mut self, number: u64) {
         while let Some((at, mark)) = self.ahead.front().copied()
             && at <= number
         {

@@ -14,12 +14,12 @@ use outrigger_gcode::checksum::sendable;
 const NO_RESET_WAIT_MS: u64 = 50;
 
 /// Longest framed line that the profile's firmware takes.
-pub(super) fn max_line(profile: &Profile) -> Option<usize> {
+pub(crate) fn max_line(profile: &Profile) -> Option<usize> {
     profile.serial.max_line.map(size)
 }
 
 /// How long a board may be silent after its port was opened.
-pub(in crate::cli) fn boot_wait_ms(profile: &Profile) -> u64 {
+pub(crate) fn boot_wait_ms(profile: &Profile) -> u64 {
     match profile.serial.dtr_reset {
         true => DEFAULT_BOOT_WAIT_MS,
         false => NO_RESET_WAIT_MS,
@@ -32,7 +32,7 @@ fn size(n: u32) -> usize {
 
 /// What a host needs of a profile; `around`: whether its start and end macros go
 /// around the file.
-pub(in crate::cli) fn of(profile: &Profile, around: bool) -> HostSettings {
+pub(crate) fn of(profile: &Profile, around: bool) -> HostSettings {
     let serial = &profile.serial;
     let when = |text: &Macro| if around { lines(text) } else { Vec::new() };
     HostSettings {

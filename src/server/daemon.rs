@@ -1,0 +1,283 @@
+//! The daemon: puts the rooms together, runs them, and takes them down again in order.
+//!
+//! One process: the network's side on this thread's event loop, the foreman and the inspector on a
+//! thread each, a thread and an event loop for each printer. Stops gracefully: nothing new is
+//! taken, a running job is parked and left in its journal, checks are ended, answers are given.
+use super::actor::{self, Actor, board::Board};
+use super::app::{App, Station};
+use super::auth_desk::AuthDesk;
+use super::config::Config;
+use super::discovery;
+use super::foreman::view::View;
+use super::foreman::{Foreman, Means, Message};
+use super::inspect::{Inspector, Work};
+use super::shelf::Shelf;
+use super::{api, gate, http, metrics, page};
+use crate::station::Folder;
+use anyhow::Context;
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::http::HeaderValue;
+use axum::middleware::{from_fn_with_state, map_request};
+use axum::routing::get;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use tokio::sync::watch;
+
+/// Largest body of a request that is no upload, bytes.
+const MAX_BODY_BYTES: usize = 1 << 20;
+
+/// Between two looks whether another process has changed users and keys.
+const LOOK: Duration = Duration::from_secs(2);
+
+/// A part of the daemon that ends is waited for so long.
+const END: Duration = Duration::from_secs(60);
+
+/// How the daemon is to run, beside its configuration.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Options {
+    /// The data folder; the environment's if not given.
+    pub(crate) folder: Option<PathBuf>,
+    /// Whether it starts a guardian beside each job.
+    pub(crate) guards: bool,
+    /// How many times faster than life the printers are: mocks.
+    pub(crate) speed: Option<f64>,
+}
+
+/// A daemon that runs.
+pub(crate) struct Daemon {
+    /// What its routes reach.
+    pub(crate) app: Arc<App>,
+    routes: Router,
+    inbox: mpsc::Sender<Message>,
+    stop_inspector: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Daemon {
+    /// Opens the data folder, starts the printers, the foreman and the inspector.
+    ///
+    /// # Errors
+    /// The folder cannot be used, or the system has no thread left.
+    pub(crate) fn start(config: Config, options: &Options) -> anyhow::Result<Self> {
+        let started = Instant::now();
+        let named = options.folder.as_deref().or(config.storage.folder.as_deref());
+        let folder = Folder::open(named).context("the data folder")?;
+        let shelf = Shelf::open(folder.store.path()).context("the data folder")?;
+        let auth = AuthDesk::open(&shelf.auth()).context("users and keys")?;
+        let found = shelf.read();
+        for amiss in &found.amiss {
+            tracing::error!("{amiss}");
+        }
+        let view = Arc::new(View::default());
+        let (post, inbox) = mpsc::channel::<Message>();
+        let (work, works) = mpsc::channel::<Work>();
+        let means = Means {
+            shelf: shelf.clone(),
+            folder,
+            work,
+            post: post.clone(),
+            view: Arc::clone(&view),
+            guards: options.guards,
+            keep_bytes: config.storage.keep_mb * 1_000_000,
+        };
+        let mut foreman = Foreman::new(means, found.files, found.jobs);
+        let mut threads = Vec::new();
+        let mut stations = Vec::new();
+        for printer in &config.printers {
+            let profile = printer.load()?;
+            let id = printer.id.clone();
+            let post = post.clone();
+            let actor = Actor {
+                id: id.clone(),
+                config: printer.clone(),
+                profile: profile.clone(),
+                board: Arc::new(Board::default()),
+                tell: Box::new(move |told| {
+                    let _ = post.send(Message::Told { printer: id.clone(), told });
+                }),
+                speed: options.speed.unwrap_or(1.0),
+            };
+            let first = foreman.taken_up_by(&printer.id);
+            if let Some(print) = &first {
+                tracing::info!(printer = printer.id, job = print.id, "taking up what a dead daemon printed");
+            }
+            let (handle, thread) = actor::start(actor, first).context("cannot start a printer's thread")?;
+            threads.push(thread);
+            foreman.place(printer.clone(), handle.clone());
+            stations.push(Station { config: printer.clone(), profile, handle });
+        }
+        let stop_inspector = Arc::new(AtomicBool::new(false));
+        let inspector =
+            Inspector { shelf: shelf.clone(), limits: config.check.clone(), stop: Arc::clone(&stop_inspector) };
+        let tell = post.clone();
+        threads.push(thread("inspector", move || {
+            while let Ok(work) = works.recv() {
+                if inspector.stop.load(Ordering::Relaxed) {
+                    return;
+                }
+                let done = inspector.work(&work);
+                // What was ended by us was not done: it is done after a restart.
+                if inspector.stop.load(Ordering::Relaxed) || tell.send(Message::Done(done)).is_err() {
+                    return;
+                }
+            }
+        })?);
+        threads.push(thread("foreman", move || foreman.run(&inbox))?);
+        let app = Arc::new(App {
+            config,
+            shelf,
+            view,
+            stations,
+            foreman: post.clone(),
+            auth,
+            again: super::again::Again::default(),
+            started,
+            selected: std::sync::Mutex::default(),
+        });
+        let routes = routes(&app);
+        Ok(Self { app, routes, inbox: post, stop_inspector, threads })
+    }
+
+    /// Listens and serves until `stop` says so; `listening` hears of each set of addresses. Ends all
+    /// parts in order then.
+    ///
+    /// # Errors
+    /// No address can be listened on, or the certificate cannot be used.
+    pub(crate) async fn run(
+        self,
+        stop: watch::Receiver<bool>,
+        mut listening: impl FnMut(&[SocketAddr], bool),
+    ) -> anyhow::Result<()> {
+        let server = &self.app.config.server;
+        let tls = match (&server.tls_cert, &server.tls_key) {
+            (Some(cert), Some(key)) => Some(http::tls(cert, key)?),
+            _ => None,
+        };
+        let encrypted = tls.is_some();
+        let beside = [
+            tokio::spawn(api::tick(Arc::clone(&self.app))),
+            tokio::spawn(look(Arc::clone(&self.app))),
+            tokio::spawn(super::systemd::watchdog(Arc::clone(&self.app))),
+        ];
+        if self.app.auth.with(|auth, _| auth.needs_first_user()) {
+            api::show_code(&self.app);
+        }
+        let mut has_users = self.app.auth.has_users();
+        let mut first = true;
+        let mut given = server.listen.clone();
+        let served = loop {
+            let open = *has_users.borrow_and_update();
+            let addresses = if open { given.clone() } else { http::loopback_of(&given) };
+            let listeners = match http::bind(&addresses) {
+                Ok(listeners) => listeners,
+                Err(why) if first => break Err(why),
+                Err(why) => {
+                    // The configured addresses cannot be had; the loopback could.
+                    tracing::error!("{why:#}; listening on the loopback only");
+                    http::bind(&http::loopback_of(&given))?
+                }
+            };
+            let bound: Vec<SocketAddr> = listeners.iter().filter_map(|l| l.local_addr().ok()).collect();
+            // A port that the system has chosen is kept when more addresses are opened.
+            for (address, chosen) in given.iter_mut().filter(|a| a.port() == 0).zip(&bound) {
+                address.set_port(chosen.port());
+            }
+            listening(&bound, encrypted);
+            if first {
+                super::systemd::ready();
+                first = false;
+            }
+            let announced = (open && server.mdns && bound.iter().any(|a| !a.ip().is_loopback()))
+                .then(|| announce(&self.app, bound[0].port()))
+                .flatten();
+            let (end, ended) = watch::channel(false);
+            let serving = http::serve(listeners, tls.clone(), self.routes.clone(), ended);
+            let mut serving = std::pin::pin!(serving);
+            let mut stopping = stop.clone();
+            let over = tokio::select! {
+                () = &mut serving => true,
+                _ = stopping.wait_for(|stop| *stop) => true,
+                changed = has_users.changed() => changed.is_err(),
+            };
+            let _ = end.send(true);
+            serving.await;
+            drop(announced);
+            if over {
+                break Ok(());
+            }
+        };
+        super::systemd::stopping();
+        for task in beside {
+            task.abort();
+        }
+        let _ = self.app.auth.keep().await;
+        self.end().await;
+        served
+    }
+
+    /// Ends printers, foreman and inspector; a running job is parked first.
+    async fn end(self) {
+        self.stop_inspector.store(true, Ordering::Relaxed);
+        let _ = self.inbox.send(Message::End);
+        let threads = self.threads;
+        drop((self.inbox, self.app, self.routes));
+        let joined = tokio::task::spawn_blocking(move || {
+            let end = Instant::now() + END;
+            for thread in threads {
+                while !thread.is_finished() && Instant::now() < end {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+            }
+        });
+        let _ = joined.await;
+    }
+}
+
+fn thread(name: &str, this: impl FnOnce() + Send + 'static) -> anyhow::Result<JoinHandle<()>> {
+    let started = std::thread::Builder::new().name(name.to_owned()).spawn(this);
+    started.with_context(|| format!("cannot start the {name}'s thread"))
+}
+
+fn announce(app: &App, port: u16) -> Option<discovery::Announced> {
+    let model = app.stations.first().map_or("", |s| s.profile.title.as_str());
+    match discovery::announce(&app.config.server.name, port, &app.shelf.uuid(), model) {
+        Ok(announced) => Some(announced),
+        Err(why) => {
+            tracing::warn!("not announced in the network: {why}");
+            None
+        }
+    }
+}
+
+/// Looks now and then whether users were changed by another process, and keeps what was used when.
+async fn look(app: Arc<App>) {
+    loop {
+        tokio::time::sleep(LOOK).await;
+        app.auth.look().await;
+        if let Err(problem) = app.auth.keep().await {
+            tracing::warn!("users and keys were not written: {}", problem.detail);
+        }
+    }
+}
+
+/// All routes, behind what every request passes.
+fn routes(app: &Arc<App>) -> Router {
+    let policy = HeaderValue::from_str(&gate::policy(app)).unwrap_or(HeaderValue::from_static("default-src 'self'"));
+    let own = api::routes().layer(from_fn_with_state(Arc::clone(app), super::again::once));
+    own.route("/metrics", get(metrics::metrics))
+        .merge(page::routes())
+        .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
+        .layer(map_request(without_double_slashes))
+        .layer(from_fn_with_state((Arc::clone(app), policy), gate::pass))
+        .with_state(Arc::clone(app))
+}
+
+/// Some clients write `//api`: for them that is `/api`.
+async fn without_double_slashes<B>(request: axum::http::Request<B>) -> axum::http::Request<B> {
+    request
+}

@@ -1,0 +1,497 @@
+//! Looks at files and mends jobs, each time in a process of its own.
+//!
+//! Takes [`Work`]; gives what was found ([`Check`]) or made ([`Mend`]). The work is done by this
+//! program's own verbs (`check`, `post`), whose JSON is a documented interface. A process of its
+//! own, because a file that exhausts memory or time then takes nothing else with it, because the
+//! daemon keeps none of the memory that a check takes, and because the kernel can be told that a
+//! print matters more. One at a time. Knows no queue and no network.
+use super::config;
+use super::model::{Check, CheckState, Finding, Kind, Mend, MendState, Severity};
+use super::shelf::Shelf;
+use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit, setpriority_process};
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Findings that are listed one by one: nobody reads more.
+const MAX_FINDINGS: usize = 50;
+
+/// A region that reaches out too far is worth a person's look from this area on, mm²: smaller ones
+/// droop by a bead or two, which nearly every part has somewhere.
+const LOOK_MM2: f64 = 25.0;
+
+/// Other processes go first: the higher the nicer, up to 19.
+const NICENESS: i32 = 10;
+
+/// Largest report that is read, bytes.
+const MAX_REPORT_BYTES: u64 = 16 << 20;
+
+/// Between two looks at a process that works.
+const POLL: Duration = Duration::from_millis(20);
+
+/// What a look needs to know of a printer.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct For {
+    /// Its short name.
+    pub(crate) printer: String,
+    /// Its profile, as the verbs take it.
+    pub(crate) profile: String,
+    /// What is in it, where that is told.
+    pub(crate) material: Option<String>,
+    /// Whether the infill of clean jobs is put into a better order.
+    pub(crate) reorder: bool,
+}
+
+/// Something to do.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Work {
+    /// Look at a file for a printer.
+    Look {
+        /// The file's name here…
+        file: String,
+        /// …and for people.
+        name: String,
+        /// The printer.
+        of: For,
+    },
+    /// Grow supports into a job.
+    Mend {
+        /// The job.
+        job: String,
+        /// Its file's name here…
+        file: String,
+        /// …and for people.
+        name: String,
+        /// The printer.
+        of: For,
+    },
+}
+
+/// What came of it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Done {
+    /// A file was looked at.
+    Looked {
+        /// The file.
+        file: String,
+        /// The printer.
+        printer: String,
+        /// What it is.
+        kind: Kind,
+        /// What was found.
+        check: Box<Check>,
+    },
+    /// A job was mended, or could not be.
+    Mended {
+        /// The job.
+        job: String,
+        /// What was made.
+        mend: Box<Mend>,
+    },
+}
+
+/// Who does it.
+pub(crate) struct Inspector {
+    /// Where files are.
+    pub(crate) shelf: Shelf,
+    /// The limits.
+    pub(crate) limits: config::Check,
+    /// The daemon ends: whatever runs is ended.
+    pub(crate) stop: std::sync::Arc<AtomicBool>,
+}
+
+/// A verb that was run.
+struct Ran {
+    status: Option<ExitStatus>,
+    /// What it said on its standard error, without our name before it.
+    words: String,
+}
+
+impl Ran {
+    fn is_done(&self) -> bool {
+        self.status.is_some_and(|status| status.success())
+    }
+}
+
+impl Inspector {
+    /// Does it, however long it takes.
+    pub(crate) fn work(&self, work: &Work) -> Done {
+        match work {
+            Work::Look { file, name, of } => {
+                let began = Instant::now();
+                let (kind, mut check) = self.look(file, name, of);
+                check.seconds = began.elapsed().as_secs_f64();
+                let printer = of.printer.clone();
+                Done::Looked { file: file.clone(), printer, kind, check: Box::new(check) }
+            }
+            Work::Mend { job, file, name, of } => {
+                let mend = self.mend(job, file, name, of).unwrap_or_else(|words| Mend {
+                    state: MendState::Failed,
+                    words,
+                    ..Mend::default()
+                });
+                Done::Mended { job: job.clone(), mend: Box::new(mend) }
+            }
+        }
+    }
+
+    fn look(&self, file: &str, name: &str, of: &For) -> (Kind, Check) {
+        let content = self.shelf.content(file);
+        let made = |what: &str| self.shelf.made(file, &of.printer, what);
+        let (report, picture) = (made("check.json"), made("layers.html"));
+        let mut verb: Vec<&OsStr> = vec!["check".as_ref(), "--quiet".as_ref()];
+        verb.extend::<[&OsStr; 4]>(["--json".as_ref(), report.as_ref(), "--picture".as_ref(), picture.as_ref()]);
+        let resin = is_resin(&content);
+        if !resin {
+            verb.extend::<[&OsStr; 2]>(["--printer".as_ref(), of.profile.as_ref()]);
+            if let Some(material) = &of.material {
+                verb.extend::<[&OsStr; 2]>(["--material".as_ref(), material.as_ref()]);
+            }
+        }
+        verb.push(content.as_ref());
+        let ran = self.run(&verb, name);
+        let told = read_report(&report).filter(|_| ran.is_done());
+        let Some(told) = told else {
+            let failed = Check { state: CheckState::Failed, words: Some(ran.words), ..Check::default() };
+            return (if resin { Kind::Resin } else { Kind::Unknown }, failed);
+        };
+        let mut check = summary(&told);
+        check.picture = picture
+            .exists()
+            .then(|| format!("/api/v2/files/{file}/pictures/layers?printer={}", of.printer));
+        if of.reorder && !resin && check.state == CheckState::Clean {
+            check.reordered = self.reorder(file, name, of);
+        }
+        (if resin { Kind::Resin } else { Kind::Gcode }, check)
+    }
+
+    /// Puts the infill into a better order, beside the file; `None`: it stays as it is.
+    fn reorder(&self, file: &str, name: &str, of: &For) -> Option<String> {
+        let made = |what: &str| self.shelf.made(file, &of.printer, what);
+        let (out, report, paths) = (made("reordered"), made("reordered.json"), made("paths.svg"));
+        self.reorder_into(&self.shelf.content(file), &out, [&report, &paths], name, of)
+    }
+
+    fn reorder_into(
+        &self,
+        from: &Path,
+        to: &Path,
+        [report, picture]: [&Path; 2],
+        name: &str,
+        of: &For,
+    ) -> Option<String> {
+        let verb: [&OsStr; 11] = [
+            "post".as_ref(),
+            "--quiet".as_ref(),
+            "--profile".as_ref(),
+            of.profile.as_ref(),
+            "--report".as_ref(),
+            report.as_ref(),
+            "--picture".as_ref(),
+            picture.as_ref(),
+            "-o".as_ref(),
+            to.as_ref(),
+            from.as_ref(),
+        ];
+        let ran = self.run(&verb, name);
+        let told = read_report(report).filter(|_| ran.is_done());
+        let words = told.filter(|told| told["unchanged_reason"].is_null()).map(|told| gain(&told));
+        if words.is_none() {
+            // What was not changed is printed from where it is.
+            let _ = std::fs::remove_file(to);
+        }
+        words
+    }
+
+    /// Supports, then the better order.
+    fn mend(&self, job: &str, file: &str, name: &str, of: &For) -> Result<Mend, String> {
+        let content = self.shelf.content(file);
+        let made = |what: &str| self.shelf.of_job(job, what);
+        let (out, report, page) = (made("supported"), made("supports.json"), made("supports.html"));
+        let mut verb: Vec<&OsStr> = vec![
+            "post".as_ref(),
+            "--quiet".as_ref(),
+            "--supports".as_ref(),
+            "auto".as_ref(),
+            "--report".as_ref(),
+            report.as_ref(),
+            "--picture".as_ref(),
+            page.as_ref(),
+            "-o".as_ref(),
+            out.as_ref(),
+        ];
+        if let Some(material) = &of.material {
+            verb.extend::<[&OsStr; 2]>(["--material".as_ref(), material.as_ref()]);
+        }
+        verb.push(content.as_ref());
+        let mut ran = self.run(&verb, name);
+        let mut told = read_report(&report).unwrap_or_default();
+        let left = told["unroutable"].as_array().map_or(0, Vec::len);
+        let mut warns = String::new();
+        if !ran.is_done() && left > 0 {
+            // Not all can be held. Most of it is better than nothing, and a person looks at it.
+            verb.insert(1, "--allow-unroutable".as_ref());
+            ran = self.run(&verb, name);
+            told = read_report(&report).unwrap_or_default();
+            warns = format!("; {left} places have no room for a support and stay as they are");
+        }
+        if !ran.is_done() {
+            return Err(ran.words);
+        }
+        let added_mm3 = told["volume_mm3"].as_f64().unwrap_or_default();
+        let tips = told["tips"].as_u64();
+        if added_mm3 <= 0.0 {
+            return Err("nothing in it needs a support that can be grown".to_owned());
+        }
+        let grown = match tips {
+            Some(tips) => format!("supports with {tips} tips grown ({added_mm3:.0} mm³)"),
+            None => format!("supports grown ({added_mm3:.0} mm³)"),
+        };
+        let (mended, paths) = (made("mended"), made("paths.svg"));
+        let better = if of.reorder {
+            self.reorder_into(&out, &mended, [&made("reordered.json"), &paths], name, of)
+        } else {
+            None
+        };
+        if better.is_none() {
+            std::fs::rename(&out, &mended).map_err(|e| format!("cannot keep the mended job: {e}"))?;
+        }
+        let _ = std::fs::remove_file(&out);
+        let better = better.map(|words| format!("; {words}")).unwrap_or_default();
+        let address = |what: &str, path: &Path| {
+            path.exists().then(|| format!("/api/v2/jobs/{job}/pictures/{what}"))
+        };
+        Ok(Mend {
+            state: MendState::Done,
+            words: format!("{grown}{better}{warns}"),
+            picture: address("mended", &page),
+            paths_picture: address("paths", &paths),
+            added_mm3,
+        })
+    }
+
+    /// Runs one of our verbs. Its words end with its last line on standard error, or say why it was
+    /// ended.
+    fn run(&self, verb: &[&OsStr], name: &str) -> Ran {
+        match self.try_run(verb, name) {
+            Ok(ran) => ran,
+            Err(why) => Ran { status: None, words: format!("cannot look at it: {why}") },
+        }
+    }
+
+    fn try_run(&self, verb: &[&OsStr], name: &str) -> std::io::Result<Ran> {
+        let mut said = tempfile::tempfile()?;
+        let mut child = Command::new(std::env::current_exe()?)
+            .args(verb)
+            // What people know the file by, in reports and pictures.
+            .env("SLIC3R_PP_OUTPUT_NAME", name)
+            .env_remove("NOTIFY_SOCKET")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(said.try_clone()?)
+            .spawn()?;
+        let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+        if let Some(pid) = pid {
+            // What the system refuses is a pity, not a fault.
+            let _ = setpriority_process(Some(pid), NICENESS);
+            let most = Some(self.limits.memory_mb * 1_000_000);
+            let _ = prlimit(Some(pid), Resource::Data, Rlimit { current: most, maximum: most });
+        }
+        let began = Instant::now();
+        let mut ended_by_us = None;
+        let status = loop {
+            if let Some(status) = child.try_wait()? {
+                break status;
+            }
+            if ended_by_us.is_none() {
+                if self.stop.load(Ordering::Relaxed) {
+                    ended_by_us = Some("the daemon ends".to_owned());
+                } else if began.elapsed() > self.limits.timeout() {
+                    ended_by_us = Some(format!("it took longer than {} s (check.timeout_s)", self.limits.timeout_s));
+                }
+                if let (Some(_), Some(pid)) = (&ended_by_us, pid) {
+                    // Its temporary files go with it.
+                    let _ = kill_process(pid, Signal::TERM);
+                }
+            } else if began.elapsed() > self.limits.timeout() + Duration::from_secs(5) {
+                let _ = child.kill();
+            }
+            std::thread::sleep(POLL);
+        };
+        let words = match ended_by_us {
+            Some(why) => why,
+            None if status.code().is_none() => {
+                format!("it was ended ({status}), most likely for want of memory (check.memory_mb)")
+            }
+            None => last_line(&mut said)?,
+        };
+        Ok(Ran { status: Some(status), words })
+    }
+}
+
+/// The last line that a verb has said, without our name before it.
+fn last_line(said: &mut File) -> std::io::Result<String> {
+    let mut text = Vec::new();
+    let end = said.seek(SeekFrom::End(0))?;
+    said.seek(SeekFrom::Start(end.saturating_sub(4096)))?;
+    said.take(4096).read_to_end(&mut text)?;
+    let text = String::from_utf8_lossy(&text);
+    let line = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    Ok(line.strip_prefix("outrigger: ").unwrap_or(line).to_owned())
+}
+
+/// Whether a file's first bytes are those of a resin job: a zip, or GOO's.
+fn is_resin(path: &Path) -> bool {
+    let mut start = [0_u8; 4];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && (&start == b"PK\x03\x04" || start.starts_with(b"V3."))
+}
+
+fn read_report(path: &Path) -> Option<Value> {
+    let file = File::open(path).ok()?;
+    serde_json::from_reader(std::io::BufReader::new(file.take(MAX_REPORT_BYTES))).ok()
+}
+
+/// What reordering has gained, in words.
+fn gain(told: &Value) -> String {
+    let number = |key: &str| told[key].as_f64().unwrap_or_default();
+    let change = |what: &str| {
+        let (before, after) = (number(&format!("{what}_before")), number(&format!("{what}_after")));
+        if before > 0.0 { (1.0 - after / before) * 100.0 } else { 0.0 }
+    };
+    format!(
+        "infill reordered: {:.0} % less travel, {:.0} % fewer lifts, {:.0} % fewer retractions",
+        change("travel_mm"),
+        change("lifts"),
+        change("retractions")
+    )
+}
+
+/// What people should know of a report of `outrigger check`.
+fn summary(told: &Value) -> Check {
+    let list = |key: &str| told[key].as_array().map_or(&[][..], Vec::as_slice);
+    let mut findings = Vec::new();
+    for island in list("islands") {
+        findings.push(piece(island, Severity::Stop, "island", "a piece begins in the air"));
+    }
+    for island in list("floating_supports") {
+        findings.push(piece(island, Severity::Look, "floating_support", "one of the slicer's own supports begins in the air"));
+    }
+    for amiss in told["printer"]["findings"].as_array().map_or(&[][..], Vec::as_slice) {
+        let kind = amiss["kind"].as_str().unwrap_or("printer").to_owned();
+        findings.push(Finding {
+            severity: severity(&kind),
+            words: amiss["words"].as_str().unwrap_or_default().to_owned(),
+            line: amiss["line"].as_u64().filter(|line| *line > 0),
+            kind,
+            ..Finding::default()
+        });
+    }
+    let printer_findings = list_len(&told["printer"]["findings"]);
+    for region in told["overhangs"]["largest"].as_array().map_or(&[][..], Vec::as_slice) {
+        if region["island"].as_bool() == Some(true) {
+            continue;
+        }
+        let area = region["area_mm2"].as_f64().unwrap_or_default();
+        let severity = if area >= LOOK_MM2 { Severity::Look } else { Severity::Note };
+        findings.push(piece(region, severity, "overhang", "beads reach out too far over nothing"));
+    }
+    for warning in list("warnings").iter().filter_map(Value::as_str) {
+        findings.push(Finding { kind: "warning".to_owned(), words: warning.to_owned(), ..Finding::default() });
+    }
+    findings.sort_by_key(|finding| finding.severity);
+    let found = findings.iter().any(|finding| finding.severity != Severity::Note);
+    let notes = findings.iter().filter(|finding| finding.severity == Severity::Note).count() as u64;
+    findings.truncate(MAX_FINDINGS);
+    Check {
+        state: if found { CheckState::Found } else { CheckState::Clean },
+        islands: list("islands").len() as u64 + told["unlisted_islands"].as_u64().unwrap_or_default(),
+        overhangs: told["overhangs"]["regions"].as_u64().unwrap_or_default(),
+        printer_findings,
+        notes,
+        findings,
+        ..Check::default()
+    }
+}
+
+fn list_len(value: &Value) -> u64 {
+    value.as_array().map_or(0, Vec::len) as u64
+}
+
+/// How serious it is that a printer could not do something.
+fn severity(kind: &str) -> Severity {
+    match kind {
+        // Printed colder or hotter than usual: a person's choice, mostly.
+        "nozzle_above_material" | "bed_above_material" | "nozzle_below_material" | "heaters_left_on" => {
+            Severity::Look
+        }
+        _ => Severity::Stop,
+    }
+}
+
+/// Something with a place.
+fn piece(told: &Value, severity: Severity, kind: &str, what: &str) -> Finding {
+    let layer = told["layer"].as_u64();
+    let z_mm = told["top_mm"].as_f64();
+    let area_mm2 = told["max_area_mm2"].as_f64().or(told["area_mm2"].as_f64());
+    let place = |k: usize| told["centroid_mm"][k].as_f64().unwrap_or_default();
+    Finding {
+        kind: kind.to_owned(),
+        severity,
+        words: format!(
+            "{what} at Z {:.2} mm (layer {}, X {:.0} Y {:.0}): {:.1} mm²",
+            z_mm.unwrap_or_default(),
+            layer.unwrap_or_default(),
+            place(0),
+            place(1),
+            area_mm2.unwrap_or_default()
+        ),
+        layer,
+        z_mm,
+        line: None,
+        area_mm2,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// `expect`: the state, and each finding's kind, the worst first.
+    fn check(told: &Value, state: CheckState, expect: &[&str]) {
+        let found = summary(told);
+        let kinds: Vec<_> = found.findings.iter().map(|f| f.kind.as_str()).collect();
+        assert_eq!((found.state, kinds.as_slice()), (state, expect), "{told}");
+    }
+
+    #[test]
+    fn what_should_stop_a_job_is_told_from_what_is_good_to_know() {
+        check(&json!({}), CheckState::Clean, &[]);
+        let region = |area: f64| json!({"layer": 3, "top_mm": 0.8, "area_mm2": area, "centroid_mm": [1, 2]});
+        let overhangs = |areas: &[f64]| {
+            let largest: Vec<_> = areas.iter().map(|a| region(*a)).collect();
+            json!({"overhangs": {"regions": areas.len(), "largest": largest}})
+        };
+        check(&overhangs(&[3.0]), CheckState::Clean, &["overhang"]);
+        check(&overhangs(&[3.0, 30.0]), CheckState::Found, &["overhang", "overhang"]);
+        let island = json!({"islands": [region(1.0)], "warnings": ["x"]});
+        check(&island, CheckState::Found, &["island", "warning"]);
+        let printer = |kind: &str| json!({"printer": {"findings": [{"kind": kind, "words": "w", "line": 7}]}});
+        check(&printer("outside_bed"), CheckState::Found, &["outside_bed"]);
+        assert_eq!(summary(&printer("outside_bed")).findings[0].line, Some(7));
+        assert_eq!(summary(&overhangs(&[30.0])).findings[0].words.matches("Z 0.80 mm (layer 3, X 1 Y 2)").count(), 1);
+    }
+
+    #[test]
+    fn no_report_makes_it_panic() {
+        for odd in [json!(null), json!([]), json!({"islands": 3, "printer": [], "overhangs": "x", "warnings": [1]})] {
+            check(&odd, CheckState::Clean, &[]);
+        }
+    }
+}

@@ -1,0 +1,53 @@
+// What a printer wants from a person: its question, that it waits, the bed, a job to decide, a print to go on with.
+//
+// Takes: a printer's id. Gives: boxes at the top of its view, the most pressing first; nothing when all goes by itself.
+// Does not know: how the printer is told otherwise.
+
+import { el } from './dom.js';
+import { W } from './words.js';
+import { may, printerAction } from './api.js';
+import { store } from './live.js';
+import { button } from './actions.js';
+import { brokenOff, planOf } from './recover.js';
+
+const box = (tone, title, ...children) => el('section', { class: `box ${tone}`, 'aria-label': title }, el('h2', {}, title), ...children);
+
+function question(printer) {
+  const { text, choices } = printer.question;
+  return box('warn', W.attention.question, el('p', { class: 'large' }, text),
+    may('print') && el('div', { class: 'row' }, choices.map((words, choice) => button(words, () => printerAction(printer.id, 'answer', { choice }), { kind: choice === 0 ? 'main' : '', key: `choice ${choice}` }))));
+}
+
+/** The bed stands in the way of the next job, or of none yet; then it is told quietly. */
+function bed(printer, next) {
+  const clear = button(W.attention.bedDone, () => printerAction(printer.id, 'bed_cleared'), { kind: next ? 'main' : '', key: 'bed' });
+  if (next) return box('warn', W.attention.bed, el('p', {}, W.attention.bedTells(next)), may('print') && el('div', { class: 'row' }, clear));
+  return el('p', { class: 'box calm between' }, el('span', {}, W.attention.bedQuiet), may('print') && clear);
+}
+
+export function attention(scope, id) {
+  const what = () => {
+    const printer = store.printers.get(id);
+    const jobs = [...store.jobs.values()].filter((job) => job.printer === id);
+    const next = store.jobs.get(printer?.queue.find((job) => store.jobs.get(job)?.state === 'queued'));
+    return {
+      printer: printer && { id, question: printer.question, waits: printer.waits_for_user, plan: printer.plan, idle: printer.state !== 'busy', bed: printer.bed_clear, job: printer.job },
+      next: next?.name ?? null,
+      undecided: jobs.filter(({ state }) => state === 'held' || state === 'mended').map(({ id: job, name, state }) => ({ job, name, state })),
+      broken: jobs.filter(({ state }) => state === 'interrupted').map(({ id: job }) => job),
+    };
+  };
+  return scope.part(what, ({ printer, next, undecided, broken }) => {
+    if (!printer) return [];
+    return [
+      printer.question && question(printer),
+      printer.waits && !printer.question && box('warn', W.attention.waits, el('p', {}, printer.waits)),
+      printer.plan && planOf(printer),
+      broken.map((job) => brokenOff(store.jobs.get(job), printer)),
+      printer.idle && !printer.bed && !broken.length && bed(printer, next),
+      undecided.length > 0 && box('warn', W.attention.held, el('ul', { class: 'rows' }, undecided.map(({ job, name, state }) => el('li', { class: 'between' },
+        el('span', {}, el('strong', {}, name), ' ', state === 'mended' ? W.attention.mendedReady : W.attention.heldReady),
+        el('a', { class: 'button', href: `#/job/${encodeURIComponent(job)}`, 'aria-label': `${W.attention.look}: ${name}`, data: { key: job } }, W.attention.look))))),
+    ];
+  }, { class: 'attention' });
+}
