@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the models that the corpus is sliced from.
 
-    python3 models.py [FOLDER]      writes demo.stl, comb.stl and bench.stl there
+    python3 models.py [FOLDER]      writes demo.stl, comb.stl, bench.stl and lamp.stl there
 
 Takes nothing, gives binary STL in millimetres, always the same bytes. Knows no
 slicer. Standard library only.
@@ -211,9 +211,26 @@ def bench():
     return s
 
 
+def lamp():
+    """A gate of 30 x 12 x 9 mm with a lamp under its beam: the lamp begins in the air, and
+    hangs together with the rest only from the beam on."""
+    s = Solid()
+    feet = [box(-14, -5, -8, 5), box(8, -5, 14, 5)]
+    bulb, beam = circle(0, 0, 3.0, 24), box(-15, -6, 15, 6)
+    for foot in feet:
+        s.cap(0, foot, up=False)
+        s.wall(foot, 0, foot, 6.6)
+    s.cap(3.0, bulb, up=False)
+    s.wall(bulb, 3.0, bulb, 6.6)
+    s.cap(6.6, beam, [*feet, bulb], up=False)
+    s.wall(beam, 6.6, beam, 9.0)
+    s.cap(9.0, beam)
+    return s
+
+
 def main():
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent)
-    for model in (demo, comb, bench):
+    for model in (demo, comb, bench, lamp):
         model().save(folder / f'{model.__name__}.stl')
 
 

@@ -94,6 +94,9 @@ RECIPES = {
     # The demo job: many separate infill beads (no anchors join them), z-hop, a short retraction.
     'demo': ('prusa', ['demo'], dict(retract_length=0.8, retract_lift=0.3, retract_speed=35, fill_pattern='stars', fill_density='15%',
              infill_anchor=0, infill_anchor_max=0, remaining_times=1, layer_height=0.3, first_layer_height=0.3), ['--label-objects']),
+    # The daemon's demo: something in it begins in the air, and nothing is told to hold it.
+    'lamp': ('prusa', ['lamp'], dict(retract_length=0.8, retract_lift=0.3, retract_speed=35, fill_pattern='stars', fill_density='15%',
+             infill_anchor=0, infill_anchor_max=0, remaining_times=1, layer_height=0.3, first_layer_height=0.3), ['--label-objects']),
     'ps25-marlin-rel-triangles': ('prusa', ['bench'], dict(machine_limits_usage='time_estimate_only', infill_anchor=1), []),
     'ps25-marlin-abs-grid': ('prusa', ['bench'], dict(fill_pattern='grid', infill_anchor=0, infill_anchor_max=0,
              use_relative_e_distances=0, before_layer_gcode=';BEFORE_LAYER_CHANGE\\n;[layer_z]',

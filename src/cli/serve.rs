@@ -20,7 +20,7 @@ const USUAL: &str = "/etc/outrigger/outrigger.toml";
 /// else it runs with the defaults and no printer. Before the first user is made
 /// (`outrigger user add NAME`, or with the one-time code that it shows) it listens on the
 /// loopback only. SIGTERM and Ctrl-C end it in order: a running job is parked, and goes on
-/// when the daemon runs again.
+/// when the daemon runs again. A wrong configuration is exit status 2.
 #[derive(clap::Args)]
 pub(super) struct Args {
     /// The configuration, TOML
@@ -46,7 +46,14 @@ pub(super) struct Args {
 /// # Errors
 /// The configuration is wrong, the data folder cannot be used, or no address be listened on.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut config = read(args.config.as_deref())?;
+    let mut config = match read(args.config.as_deref()) {
+        Ok(config) => config,
+        Err(why) => {
+            // Trying again changes nothing: supervisors tell this status from others.
+            eprintln!("outrigger: {why:#}");
+            return Ok(ExitCode::from(2));
+        }
+    };
     if !args.listen.is_empty() {
         config.server.listen.clone_from(&args.listen);
     }

@@ -91,15 +91,14 @@ impl Daemon {
         for printer in &config.printers {
             let profile = printer.load()?;
             let id = printer.id.clone();
-            let post = post.clone();
+            let (tell, gone) = (to_foreman(&post, &id), to_foreman(&post, &id));
             let actor = Actor {
-                id: id.clone(),
+                id,
                 config: printer.clone(),
                 profile: profile.clone(),
                 board: Arc::new(Board::default()),
-                tell: Box::new(move |told| {
-                    let _ = post.send(Message::Told { printer: id.clone(), told });
-                }),
+                tell: Box::new(tell),
+                gone: Some(Box::new(gone)),
                 speed: options.speed.unwrap_or(1.0),
             };
             let first = foreman.taken_up_by(&printer.id);
@@ -127,6 +126,8 @@ impl Daemon {
                 }
             }
         })?);
+        // What is there is to be seen before anybody asks.
+        foreman.begin();
         threads.push(thread("foreman", move || foreman.run(&inbox))?);
         let app = Arc::new(App {
             config,
@@ -202,7 +203,7 @@ impl Daemon {
             let over = tokio::select! {
                 () = &mut serving => true,
                 _ = stopping.wait_for(|stop| *stop) => true,
-                changed = has_users.changed() => changed.is_err(),
+                () = opened(&mut has_users, open, &addresses, &given) => false,
             };
             let _ = end.send(true);
             serving.await;
@@ -235,6 +236,32 @@ impl Daemon {
             }
         });
         let _ = joined.await;
+    }
+}
+
+/// Until more or fewer addresses are to be listened on, because there is a user now or none is left.
+async fn opened(
+    has_users: &mut watch::Receiver<bool>,
+    was: bool,
+    listened: &[SocketAddr],
+    given: &[SocketAddr],
+) {
+    let same = listened.len() == given.len() && given == http::loopback_of(given);
+    loop {
+        if has_users.changed().await.is_err() {
+            std::future::pending::<()>().await;
+        }
+        if *has_users.borrow() != was && !same {
+            return;
+        }
+    }
+}
+
+/// Where a printer's actor tells what changes a job's life.
+fn to_foreman(post: &mpsc::Sender<Message>, printer: &str) -> impl Fn(actor::Told) + Send + use<> {
+    let (post, printer) = (post.clone(), printer.to_owned());
+    move |told| {
+        let _ = post.send(Message::Told { printer: printer.clone(), told });
     }
 }
 

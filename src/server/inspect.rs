@@ -8,6 +8,7 @@
 use super::config;
 use super::model::{Check, CheckState, Finding, Kind, Mend, MendState, Severity};
 use super::shelf::Shelf;
+use crate::station::guardian::PROGRAM;
 use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit, setpriority_process};
 use serde_json::Value;
 use std::ffi::OsStr;
@@ -286,7 +287,7 @@ impl Inspector {
 
     fn try_run(&self, verb: &[&OsStr], name: &str) -> std::io::Result<Ran> {
         let mut said = tempfile::tempfile()?;
-        let mut child = Command::new(std::env::current_exe()?)
+        let mut child = Command::new(PROGRAM)
             .args(verb)
             // What people know the file by, in reports and pictures.
             .env("SLIC3R_PP_OUTPUT_NAME", name)
@@ -300,6 +301,8 @@ impl Inspector {
             // What the system refuses is a pity, not a fault.
             let _ = setpriority_process(Some(pid), NICENESS);
             let most = Some(self.limits.memory_mb * 1_000_000);
+            // When memory runs out, this goes before a print does.
+            let _ = std::fs::write(format!("/proc/{pid}/oom_score_adj"), "500");
             let _ = prlimit(Some(pid), Resource::Data, Rlimit { current: most, maximum: most });
         }
         let began = Instant::now();

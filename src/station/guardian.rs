@@ -6,6 +6,10 @@ use anyhow::Context;
 use std::ffi::OsString;
 use std::process::{Command, Stdio};
 
+/// This program, also where its file was replaced or removed since it was started: an update in
+/// the middle of a print.
+pub(crate) const PROGRAM: &str = "/proc/self/exe";
+
 /// Starts a guardian for a job that this process prints.
 ///
 /// # Errors
@@ -20,9 +24,8 @@ pub(crate) fn start(store: &Store, id: JobId) -> anyhow::Result<()> {
 /// # Errors
 /// This program cannot be found or started.
 pub(crate) fn spawn(store: &Store, arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<()> {
-    let program = std::env::current_exe().context("cannot find this program")?;
     let state = std::path::absolute(store.path()).context("cannot find the folder of the jobs")?;
-    let mut child = Command::new(program)
+    let mut child = Command::new(PROGRAM)
         .args(arguments)
         .arg("--state")
         .arg(state)

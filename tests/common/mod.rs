@@ -4,6 +4,7 @@
 //! code: it would not notice a mistake that it shares.
 #![allow(dead_code)] // each test binary uses its own part
 
+pub(crate) mod http;
 pub(crate) mod made;
 pub(crate) mod printer;
 

@@ -70,6 +70,8 @@ pub(crate) enum Told {
     Ready,
     /// It cannot any more.
     Away,
+    /// The actor has ended; nothing follows.
+    Gone,
     /// A job is in another state.
     Job(String, State),
     /// A job is over, or was left as its state says: what to tell of it.
@@ -97,6 +99,8 @@ pub(crate) struct Actor {
     pub(crate) board: Arc<Board>,
     /// Who hears what changes a job's life.
     pub(crate) tell: Box<dyn Fn(Told) + Send>,
+    /// Who hears that it has ended, whatever ended it.
+    pub(crate) gone: Option<Box<dyn FnOnce(Told) + Send>>,
     /// How many times faster than life the printer is: 1 but for a mock.
     pub(crate) speed: f64,
 }
@@ -123,7 +127,7 @@ impl Handle {
 /// # Errors
 /// The system has no thread left.
 pub(crate) fn start(
-    actor: Actor,
+    mut actor: Actor,
     first: Option<Box<Print>>,
 ) -> std::io::Result<(Handle, std::thread::JoinHandle<()>)> {
     let (post, orders) = mpsc::channel(MAX_ORDERS);
@@ -131,7 +135,11 @@ pub(crate) fn start(
     let handle = Handle { orders: post, board: Arc::clone(&board) };
     let thread = std::thread::Builder::new().name(format!("printer {}", actor.id)).spawn(move || {
         let id = actor.id.clone();
+        let gone = actor.gone.take();
         let ran = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(actor, orders, first)));
+        if let Some(gone) = gone {
+            gone(Told::Gone);
+        }
         let why = match ran {
             Ok(Ok(())) => return,
             Ok(Err(error)) => format!("{error:#}"),

@@ -159,6 +159,8 @@ struct Place {
     ready: bool,
     /// A job is got ready for it.
     preparing: Option<String>,
+    /// Its actor has ended.
+    gone: bool,
 }
 
 /// What the foreman needs.
@@ -202,18 +204,17 @@ impl Foreman {
     /// A printer that is there from now on.
     pub(crate) fn place(&mut self, config: config::Printer, handle: Handle) {
         let id = config.id.clone();
-        self.places.insert(id, Place { config, handle, ready: false, preparing: None });
+        self.places.insert(id, Place { config, handle, ready: false, preparing: None, gone: false });
     }
 
-    /// Hears messages until the daemon ends.
+    /// Hears messages until the daemon and all its printers have ended.
     pub(crate) fn run(mut self, inbox: &mpsc::Receiver<Message>) {
-        self.begin();
         while let Ok(message) = inbox.recv() {
             if matches!(message, Message::End) {
                 self.ending = true;
             }
             self.hear(message);
-            if self.ending && !self.jobs.values().any(|job| job.state.is_running()) {
+            if self.ending && self.places.values().all(|place| place.gone) {
                 return;
             }
             self.advance();
@@ -221,7 +222,7 @@ impl Foreman {
     }
 
     /// What was left undone when the daemon ended.
-    fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         start::settle(self);
         let ids: Vec<_> = self.jobs.keys().cloned().collect();
         for id in ids {
@@ -567,6 +568,12 @@ impl Foreman {
         match told {
             Told::Ready => self.set_ready(printer, true),
             Told::Away => self.set_ready(printer, false),
+            Told::Gone => {
+                self.set_ready(printer, false);
+                if let Some(place) = self.places.get_mut(printer) {
+                    place.gone = true;
+                }
+            }
             Told::Job(id, state) => {
                 self.change(&id, |job| {
                     job.state = Stage::of(state);
