@@ -14,8 +14,7 @@ use super::files;
 use super::interrupt::clean_up_on_signal;
 use super::model::{Model, positive};
 use crate::report::check::Report;
-use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
-use std::ffi::OsStr;
+use clap::{Args as ClapArgs, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -117,20 +116,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let checked = source::check(args, opened)?;
     output::write(args, &checked)?;
     Ok(verdict(args, &checked.report))
-}
-
-/// Checks a file as `outrigger check --quiet --picture PAGE FILE` does.
-///
-/// # Errors
-/// As [`run`].
-pub(super) fn with_page(file: &Path, page: &Path) -> anyhow::Result<Report> {
-    let words: [&OsStr; 5] =
-        ["check".as_ref(), "--quiet".as_ref(), "--picture".as_ref(), page.as_os_str(), file.as_os_str()];
-    let matches = Args::augment_args(Command::new("check")).try_get_matches_from(words)?;
-    let args = Args::from_arg_matches(&matches)?;
-    let checked = source::check(&args, kind::open(file)?)?;
-    output::write(&args, &checked)?;
-    Ok(checked.report)
 }
 
 /// As clap ends when options do not go together.

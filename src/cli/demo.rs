@@ -1,32 +1,49 @@
-//! `outrigger demo`: the whole way of a job, with no hardware.
+//! `outrigger demo`: everything with no hardware: mock printer, daemon, page, a job printed to its end.
 //!
-//! A job that is part of the program is post-processed, drawn, checked, and printed
-//! on a mock printer to the end; then the mock is asked what it got. Every step is
-//! what the other verbs do: nothing here knows how.
+//! A job that is part of the program, in which something begins in the air, goes the way of every
+//! upload: the daemon's check finds the island and holds the job, it is mended, somebody says yes,
+//! it is printed on a mock printer; then the mock is asked what it got. Every step is what the
+//! daemon does for anybody; nothing here knows how.
 mod tell;
 
-use super::{check, files, mock as mock_verb, picture, post, print, say};
-use crate::job::host::Begin;
-use crate::printer::find::{Places, Rate, Wanted, connect};
-use crate::printer::mock::{self, Faults, Stats};
-use crate::printer::port::OpenMode;
+use super::mock as mock_verb;
+use super::{print, say};
+use crate::printer::mock::{self, Faults};
 use crate::profile::{Profile, load_printer};
-use crate::station;
-use anyhow::{Context, bail};
-use std::io::ErrorKind;
+use crate::server::app::App;
+use crate::server::auth::{Name, PasswordHash, Role};
+use crate::server::config::{self, Config, OnFindings};
+use crate::server::daemon::{Daemon, Options};
+use crate::server::foreman::Message;
+use crate::server::model::{Can, CheckState, File, Job, Link, Stage};
+use crate::server::shelf::new_id;
+use crate::server::upload::{hex, sha256};
+use crate::station::now_unix_s;
+use anyhow::{Context, bail, ensure};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::future::Future;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 use tell::Arrived;
-use tokio::runtime::Runtime;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::watch;
 
-/// The job: a model of the project's own, as PrusaSlicer sliced it.
-const JOB: &[u8] = include_bytes!("../../gcode/corpus/demo.gcode");
+/// The job: a model of the project's own, as PrusaSlicer sliced it without supports.
+const JOB: &[u8] = include_bytes!("../../gcode/corpus/lamp.gcode");
+
+/// Its name.
+const NAME: &str = "lamp.gcode";
 
 /// The job was sliced for a bed of 220 mm and for no maker's machine.
 const PROFILE: &str = "generic-marlin";
 
-/// 16 minutes of printing in less than half of one.
+/// The printer's name in the daemon.
+const PRINTER: &str = "demo";
+
+/// 13 minutes of printing in less than half of one.
 const SPEED: f64 = 40.0;
 
 /// What goes wrong on purpose, at lines in the first, second and third quarter
@@ -35,30 +52,40 @@ const SPEED: f64 = 40.0;
 /// an older Marlin's request to send again.
 const FAULTS: &str = "
 [[fault]]
-at_line = 3000
+at_line = 1500
 do = \"corrupt_line\"
 [[fault]]
-at_line = 6000
+at_line = 3000
 do = \"corrupt_line\"
 byte = 0
 [[fault]]
-at_line = 9000
+at_line = 4500
 do = \"resend_without_ok\"
 ";
 
 /// Entries in [`FAULTS`].
 const FAULTS_COUNT: u32 = 3;
 
-/// Show everything with no hardware: post-process a job, print it on a mock printer
+/// Between two looks at what the daemon does.
+const POLL: Duration = Duration::from_millis(100);
+
+/// What takes longer than this hangs; printing is not among it.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Without a terminal the print is told of so often, percent.
+const TELL_PERCENT: u64 = 20;
+
+/// Show everything with no hardware: daemon, page, a job checked, mended and printed
 ///
-/// Takes a sample job through all that Outrigger does: reorders its infill,
-/// verifies the result, draws a layer before and after, looks for what would
-/// print in the air, and prints the result on a mock printer, a strict Marlin that executes it many times faster than
-/// life. At the end the mock printer says what it received. It takes about
-/// half a minute; Ctrl-C cancels it as it would cancel a print.
+/// Starts a mock printer (a strict Marlin that is many times faster than life) and the daemon
+/// with its page at an address that is printed, and has a sample job go all the way: its check
+/// finds a piece that would begin in the air, supports are grown under it, its infill is
+/// reordered, and it is printed to its end. At the end the mock printer says what it received.
+/// On a terminal the page then stays open until Ctrl-C, for you to try. It takes about half a
+/// minute; Ctrl-C cancels it as it would cancel a print.
 #[derive(clap::Args, Debug)]
 pub(super) struct Args {
-    /// Folder for the files [default: a new temporary one, which stays]
+    /// The daemon's data folder [default: a new temporary one, which stays]
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
     /// How many times faster than life the mock printer is
@@ -67,6 +94,9 @@ pub(super) struct Args {
     /// Print over a perfect cable: without this, three lines are damaged on purpose
     #[arg(long)]
     no_faults: bool,
+    /// End when the job is printed, on a terminal too
+    #[arg(long)]
+    no_stay: bool,
 }
 
 /// Runs the verb.
@@ -75,63 +105,62 @@ pub(super) struct Args {
 /// The folder cannot be written to; the print was cancelled; or the printer did
 /// not get what is in the file.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let started = Instant::now();
-    let runtime = print::runtime()?;
-    // From here on a signal leaves no half-written file: it waits for the print, which ends in safety.
-    let letters = {
-        let _inside = runtime.enter();
-        print::letters()?
-    };
-    let paths = Paths::new(args.dir.as_deref())?;
-    sample(&paths)?;
-    let done = reorder(&paths)?;
-    draw(&paths, &done)?;
-    look(&paths)?;
+    super::serve::log("warn");
+    let folder = folder(args.dir.as_deref())?;
+    say(
+        "The whole way of a job: from the slicer's file to the last line printed.\nNo hardware is needed; Ctrl-C cancels.",
+    );
     let profile = load_printer(PROFILE)?;
     let printer = printer(args, &profile)?;
-    let stats = stream(&runtime, &paths, &profile, printer, args.speed, letters)?;
-    let printed = std::fs::read(&paths.reordered)
-        .with_context(|| format!("cannot read {}", paths.reordered.display()))?;
-    let arrived = Arrived::new(stats, &printed);
-    heading(7, "What the printer received");
+    let config = configuration(&printer.path().display().to_string(), &profile);
+    let runtime = print::runtime()?;
+    let done = runtime.block_on(async {
+        let (end, stop) = watch::channel(false);
+        let interrupted = interrupts().context("cannot wait for signals")?;
+        let options = Options { folder: Some(folder.clone()), guards: false, speed: Some(args.speed) };
+        let daemon = Daemon::start(config, &options)?;
+        let app = Arc::clone(&daemon.app);
+        // There is somebody to log in before anything is listened on.
+        let password = user(&app).await?;
+        let (address, at) = watch::channel(String::new());
+        let serving = daemon.run(stop, |addresses, _| {
+            if let Some(first) = addresses.first() {
+                let _ = address.send(format!("http://{first}/"));
+            }
+        });
+        let script = async {
+            let shown = show(args, &app, at, &password, &folder, interrupted).await;
+            drop(app);
+            let _ = end.send(true);
+            shown
+        };
+        let (served, shown) = tokio::join!(serving, script);
+        served?;
+        shown
+    });
+    runtime.shutdown_background();
+    let printed = done?;
+    heading(5, "What the printer received");
+    let arrived = Arrived::new(printer.stop()?, &printed);
     say(&arrived.table());
+    say("");
     arrived.verdict()?;
-    say(&tell::closing(&paths.folder, started.elapsed().as_secs_f64()));
+    say(&tell::closing(&folder));
     Ok(ExitCode::SUCCESS)
 }
 
-/// The demo's files.
-struct Paths {
-    folder: PathBuf,
-    job: PathBuf,
-    reordered: PathBuf,
-    picture: PathBuf,
-    page: PathBuf,
-    report: PathBuf,
-}
-
-impl Paths {
-    fn new(dir: Option<&Path>) -> anyhow::Result<Paths> {
-        let folder = match dir {
-            Some(dir) => {
-                std::fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
-                dir.to_owned()
-            }
-            None => tempfile::Builder::new()
-                .prefix("outrigger-demo-")
-                .tempdir()
-                .context("cannot make a temporary folder; name one with --dir")?
-                .keep(),
-        };
-        let file = |name: &str| folder.join(name);
-        Ok(Paths {
-            job: file("demo.gcode"),
-            reordered: file("demo-reordered.gcode"),
-            picture: file("demo-layer.svg"),
-            page: file("demo-layers.html"),
-            report: file("demo-report.json"),
-            folder,
-        })
+/// The daemon's data folder.
+fn folder(dir: Option<&Path>) -> anyhow::Result<PathBuf> {
+    match dir {
+        Some(dir) => {
+            std::fs::create_dir_all(dir).with_context(|| format!("cannot make {}", dir.display()))?;
+            Ok(std::path::absolute(dir)?)
+        }
+        None => Ok(tempfile::Builder::new()
+            .prefix("outrigger-demo-")
+            .tempdir()
+            .context("cannot make a temporary folder; name one with --dir")?
+            .keep()),
     }
 }
 
@@ -139,77 +168,12 @@ fn heading(number: u32, words: &str) {
     say(&format!("\n{number}. {words}"));
 }
 
-/// A file of the demo, on a line of its own: paths may be long.
-fn file(what: &str, path: &Path) {
-    say(&format!("   {what:<9} {}", path.display()));
-}
-
-fn sample(paths: &Paths) -> anyhow::Result<()> {
-    say(
-        "The whole way of a job, from the slicer's file to the last line printed.\nNo hardware is needed; Ctrl-C cancels.",
-    );
-    heading(1, "A sliced job");
-    match std::fs::read(&paths.job) {
-        Ok(there) if there != JOB => bail!(
-            "{} is there already and is another job: name another folder with --dir",
-            paths.job.display()
-        ),
-        Err(e) if e.kind() != ErrorKind::NotFound => {
-            return Err(e).with_context(|| format!("cannot read {}", paths.job.display()));
-        }
-        _ => {}
-    }
-    std::fs::write(&paths.job, JOB).with_context(|| format!("cannot write {}", paths.job.display()))?;
-    say("   A float, 42 mm long, as PrusaSlicer sliced it for a printer with Marlin.");
-    file("job", &paths.job);
-    Ok(())
-}
-
-/// `outrigger post` with `--output` and `--report`.
-fn reorder(paths: &Paths) -> anyhow::Result<post::Done> {
-    heading(2, "Reorder its infill (outrigger post)");
-    let done = post::post_file(&post::Args::of(paths.job.clone(), paths.reordered.clone()))?;
-    if let Some(reason) = &done.report.unchanged_reason {
-        bail!("the sample job was left as it was: {reason}");
-    }
-    post::write_report(&done.report, &paths.report)?;
-    say(&tell::reordered(&done.report));
-    file("job", &paths.reordered);
-    file("report", &paths.report);
-    Ok(done)
-}
-
-/// `outrigger post --picture`.
-fn draw(paths: &Paths, done: &post::Done) -> anyhow::Result<()> {
-    heading(3, "The most improved layer, before and after");
-    let Some(shown) = picture::write(&files::file_name(&paths.job), done, &paths.picture)? else {
-        bail!("the sample job was left as it was: there is nothing to draw");
-    };
-    let [before, after] = shown.retractions;
-    say(&format!(
-        "   In layer {} the filament is pulled back {before} times before, {after} times after.\n   \
-         The picture opens in any web browser.",
-        shown.layer
-    ));
-    file("picture", &paths.picture);
-    Ok(())
-}
-
-/// `outrigger check --picture`.
-fn look(paths: &Paths) -> anyhow::Result<()> {
-    heading(4, "What would print in the air (outrigger check)");
-    let found = check::with_page(&paths.reordered, &paths.page)?;
-    say(&tell::checked(&found));
-    file("page", &paths.page);
-    Ok(())
-}
-
 /// `outrigger mock` within this process.
 fn printer(args: &Args, profile: &Profile) -> anyhow::Result<mock::Handle> {
-    heading(5, "A mock printer (outrigger mock)");
+    heading(1, "A mock printer (outrigger mock) and the daemon (outrigger serve)");
     say(&format!(
-        "   A strict Marlin on a pseudo-terminal, {} times faster than life: it checks\n   \
-         every line's number and checksum, warms up, and moves as a printer does.",
+        "   The printer is a strict Marlin on a pseudo-terminal, {} times faster than\n   \
+         life: it checks every line's number and checksum, warms up, and moves.",
         args.speed
     ));
     let faults = match args.no_faults {
@@ -223,8 +187,7 @@ fn printer(args: &Args, profile: &Profile) -> anyhow::Result<mock::Handle> {
         }
     };
     let config = mock::Config {
-        // The line is as much faster as the machine; a float cast saturates.
-        baud: (f64::from(profile.serial.baud) * args.speed) as u32,
+        baud: baud(profile, args.speed),
         speed: args.speed,
         dtr_reset: profile.serial.dtr_reset,
         machine: mock_verb::machine(profile),
@@ -233,44 +196,238 @@ fn printer(args: &Args, profile: &Profile) -> anyhow::Result<mock::Handle> {
     Ok(mock::spawn(mock::Options { config, faults, ..mock::Options::default() })?)
 }
 
-/// `outrigger print`, to the end; then what the printer counted.
-fn stream(
-    runtime: &Runtime,
-    paths: &Paths,
-    profile: &Profile,
-    printer: mock::Handle,
-    speed: f64,
-    letters: print::Letters,
-) -> anyhow::Result<Stats> {
-    heading(6, "Print it (outrigger print)");
-    // What the demo prints is nobody's job: its records go with it.
-    let records = tempfile::tempdir().context("cannot make a temporary folder")?;
-    let folder = station::Folder::open(Some(records.path()))?;
-    let job = station::Job::open(&paths.reordered, profile, PROFILE, Some(&folder.store))?;
-    let wanted = Wanted::Path(printer.path().display().to_string());
-    let fresh = OpenMode::Fresh { reset: false };
-    let baud = profile.serial.baud;
-    let held = Some(folder.store.accept(&job.accepted)?);
-    let printed = runtime.block_on(async {
-        let printing = print::Printing {
-            job,
-            name: files::file_name(&paths.reordered),
-            profile,
-            connection: connect(&wanted, Rate::Given(baud), fresh, 0, &Places::default()).await?,
-            started: tokio::time::Instant::now(),
-            device: wanted.to_string(),
-            held,
-            begin: Begin::Fresh,
-            // The job brings its own start and end, and nothing else is to be compared.
-            macros: false,
-            person: print::Person::Away,
-            verbose: false,
-            speed,
-        };
-        print::print(printing, letters, None).await
+/// The line is as much faster as the machine; a float cast saturates.
+fn baud(profile: &Profile, speed: f64) -> u32 {
+    (f64::from(profile.serial.baud) * speed) as u32
+}
+
+fn configuration(port: &str, profile: &Profile) -> Config {
+    let mut config = Config::default();
+    config.server.listen = vec![([127, 0, 0, 1], 0).into()];
+    config.server.mdns = false;
+    config.storage.min_free_mb = 0;
+    config.printers = vec![config::Printer {
+        name: Some("The demo's mock printer".to_owned()),
+        baud: Some(profile.serial.baud),
+        // The job brings its own start and end, and nothing else is to be compared.
+        macros: false,
+        on_findings: OnFindings::Hold,
+        ..config::Printer::new(PRINTER, PROFILE, port)
+    }];
+    config
+}
+
+/// Somebody who can log in, with a password that nobody knows yet.
+async fn user(app: &App) -> anyhow::Result<String> {
+    let password = new_id('d').context("no password can be made")?[1..13].to_owned();
+    let hash = PasswordHash::of(&password)?;
+    let name = Name::new(PRINTER)?;
+    app.auth.with(|auth, now| match auth.needs_first_user() {
+        true => auth.add_user(name, Role::Admin, hash, now),
+        false => auth.set_password(&name, hash),
+    })?;
+    app.auth.keep().await.map_err(|problem| anyhow::anyhow!(problem.detail))?;
+    Ok(password)
+}
+
+/// Whether somebody wants it to end.
+fn interrupts() -> std::io::Result<watch::Receiver<bool>> {
+    let (tell, told) = watch::channel(false);
+    let mut signals = [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()]
+        .into_iter()
+        .map(signal)
+        .collect::<std::io::Result<Vec<_>>>()?;
+    tokio::spawn(async move {
+        let mut asked = false;
+        loop {
+            let [interrupt, terminate, hang_up] = &mut signals[..] else { return };
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
+                _ = hang_up.recv() => {}
+            }
+            if std::mem::replace(&mut asked, true) {
+                std::process::exit(1);
+            }
+            let _ = tell.send(true);
+        }
     });
-    printed?;
-    Ok(printer.stop()?)
+    Ok(told)
+}
+
+/// Has the job go its way, and gives the bytes that were printed.
+///
+/// # Errors
+/// It did not come to its end.
+async fn show(
+    args: &Args,
+    app: &Arc<App>,
+    mut at: watch::Receiver<String>,
+    password: &str,
+    folder: &Path,
+    mut interrupted: watch::Receiver<bool>,
+) -> anyhow::Result<Vec<u8>> {
+    at.wait_for(|address| !address.is_empty()).await.context("the daemon does not listen")?;
+    let address = at.borrow().clone();
+    say(&format!("\n   The page      {address}\n   log in as     {PRINTER}\n   password      {password}"));
+    let began = Instant::now();
+    let printed = tokio::select! {
+        printed = go(app, folder) => printed?,
+        _ = interrupted.wait_for(|it| *it) => {
+            cancel(app).await;
+            bail!("cancelled; heaters are off");
+        }
+    };
+    say(&format!("   Done in {:.0} s.", began.elapsed().as_secs_f64()));
+    if std::io::stdout().is_terminal() && !args.no_stay {
+        say(&format!(
+            "\n   The page stays open: {address} ({PRINTER}, {password}).\n   Ctrl-C ends it, and shows what the printer received."
+        ));
+        let _ = interrupted.wait_for(|it| *it).await;
+    }
+    Ok(printed)
+}
+
+/// A running job is ended, and its printer made safe.
+async fn cancel(app: &Arc<App>) {
+    let running = app.view.jobs().into_iter().find(|job| !job.state.is_over());
+    if let Some(job) = running
+        && act(app, &job.id, Can::Cancel).await.is_ok()
+    {
+        let _ = until("the cancelled job", || app.view.job(&job.id).filter(|job| job.state.is_over())).await;
+    }
+}
+
+/// The way of the job.
+async fn go(app: &Arc<App>, folder: &Path) -> anyhow::Result<Vec<u8>> {
+    let board = &app.station(PRINTER).map_err(|p| anyhow::anyhow!(p.detail))?.handle.board;
+    until("the mock printer", || (board.picture().link == Link::Ready).then_some(())).await?;
+
+    heading(2, "A sliced job is uploaded, and looked at before anything moves");
+    let file = upload(app, folder).await?;
+    let job = app
+        .ask(|answer| Message::Queue {
+            file: file.id.clone(),
+            printer: PRINTER.to_owned(),
+            hold: false,
+            by: PRINTER.to_owned(),
+            answer,
+        })
+        .await
+        .map_err(|problem| anyhow::anyhow!(problem.detail))?;
+    let checked = until("the check", || {
+        let checks = app.view.file(&file.id)?.checks;
+        checks.get(PRINTER).filter(|check| check.state >= CheckState::Clean).cloned()
+    })
+    .await?;
+    let held = stands(app, &job.id, Stage::Held).await?;
+    say(&tell::checked(&checked));
+    say(&format!("   The job is {}.", held.state_words));
+
+    heading(3, "It is mended: supports under what would print in the air");
+    act(app, &job.id, Can::Mend).await?;
+    let mended = stands(app, &job.id, Stage::Mended).await?;
+    let mend = mended.mend.unwrap_or_default();
+    say(&tell::mended(&mend.words));
+    say("   What was made was read again and holds; the page shows it. A person says yes\n   before the first print of a mended job: here the demo does.");
+
+    heading(4, "It is printed");
+    act(app, &job.id, Can::Approve).await?;
+    watch_print(app, &job.id).await?;
+    let path = app.shelf.of_job(&job.id, "mended");
+    std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+async fn upload(app: &Arc<App>, folder: &Path) -> anyhow::Result<File> {
+    let mut upload = app.shelf.upload()?;
+    upload.write_all(JOB).with_context(|| format!("cannot write in {}", folder.display()))?;
+    let file = File {
+        id: new_id('F')?,
+        name: NAME.to_owned(),
+        bytes: JOB.len() as u64,
+        sha256: hex(&sha256(JOB)),
+        uploaded_unix_s: now_unix_s(),
+        by: PRINTER.to_owned(),
+        ..File::default()
+    };
+    say(&format!(
+        "   {NAME}: a gate with a lamp under its beam, as PrusaSlicer sliced it,\n   without supports ({:.0} kB).",
+        JOB.len() as f64 / 1e3
+    ));
+    let message = |answer| Message::Uploaded { upload, file: Box::new(file), printer: None, answer };
+    app.ask(message).await.map_err(|problem| anyhow::anyhow!(problem.detail))
+}
+
+async fn act(app: &Arc<App>, job: &str, what: Can) -> anyhow::Result<Job> {
+    let message = |answer| Message::Act { job: job.to_owned(), what, by: PRINTER.to_owned(), answer };
+    app.ask(message).await.map_err(|problem| anyhow::anyhow!(problem.detail))
+}
+
+/// Waits until a job stands somewhere.
+async fn stands(app: &Arc<App>, job: &str, stage: Stage) -> anyhow::Result<Job> {
+    let stood = until("the job", || {
+        app.view.job(job).filter(|job| job.state == stage || job.state.is_over() || is_stuck(job, stage))
+    })
+    .await?;
+    ensure!(stood.state == stage, "the job is {}: {}", stood.state_words, why(&stood));
+    Ok(stood)
+}
+
+/// A mending that failed leaves the job held.
+fn is_stuck(job: &Job, wanted: Stage) -> bool {
+    wanted == Stage::Mended && job.state == Stage::Held
+}
+
+fn why(job: &Job) -> String {
+    let mend = job.mend.as_ref().map(|mend| mend.words.clone());
+    job.error.clone().or(mend).unwrap_or_else(|| "nothing says why".to_owned())
+}
+
+/// Waits for something that does not take long.
+async fn until<T>(what: &str, mut there: impl FnMut() -> Option<T>) -> anyhow::Result<T> {
+    let began = Instant::now();
+    loop {
+        if let Some(there) = there() {
+            return Ok(there);
+        }
+        ensure!(began.elapsed() < PATIENCE, "still waiting for {what} after {} s", PATIENCE.as_secs());
+        tokio::time::sleep(POLL).await;
+    }
+}
+
+/// A bar on a terminal, a few lines elsewhere.
+fn watch_print(app: &Arc<App>, id: &str) -> impl Future<Output = anyhow::Result<()>> {
+    let terminal = std::io::stderr().is_terminal();
+    let bar = if terminal { ProgressBar::new(100) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("   {bar:40} {pos} %  {msg}") {
+        bar.set_style(style);
+    }
+    let (app, id) = (Arc::clone(app), id.to_owned());
+    async move {
+        let mut told = 0;
+        loop {
+            tokio::time::sleep(POLL).await;
+            let Some(job) = app.view.job(&id) else { bail!("the job is gone") };
+            let printer = app.printer(app.station(PRINTER).map_err(|p| anyhow::anyhow!(p.detail))?);
+            if let Some(at) = printer.progress {
+                // Between 0 and 100.
+                let percent = (at.fraction * 100.0) as u64;
+                let heat = printer.temperatures.nozzle.map(|h| format!(", nozzle {:.0} °C", h.actual_c));
+                let words = format!("layer {}/{}{}", at.layer, at.layers, heat.unwrap_or_default());
+                if !terminal && percent >= told + TELL_PERCENT {
+                    told = percent - percent % TELL_PERCENT;
+                    say(&format!("   {told:>3} %  {words}"));
+                }
+                bar.set_position(percent);
+                bar.set_message(words);
+            }
+            if job.state.is_over() || job.state == Stage::Interrupted {
+                bar.finish_and_clear();
+                ensure!(job.state == Stage::Finished, "the job is {}: {}", job.state_words, why(&job));
+                return Ok(());
+            }
+        }
+    }
 }
 
 #[cfg(test)]

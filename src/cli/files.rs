@@ -46,11 +46,6 @@ pub(super) fn display_name(path: &Path) -> String {
     }
 }
 
-/// A path's last part.
-pub(super) fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-}
-
 /// Writes a whole text to a file; "-" is standard output. `what` names it for people.
 ///
 /// # Errors

@@ -88,23 +88,6 @@ pub(super) struct Args {
 }
 
 impl Args {
-    /// What the verb does with a job and an output, and nothing else given.
-    pub(super) fn of(file: PathBuf, output: PathBuf) -> Args {
-        Args {
-            file,
-            output: Some(output),
-            report: None,
-            picture: None,
-            supports: None,
-            align: false,
-            allow_unroutable: false,
-            material: None,
-            first_layer: false,
-            profile: None,
-            quiet: true,
-        }
-    }
-
     /// The model that the job was sliced from.
     fn model(&self) -> Option<&Path> {
         match &self.supports {
@@ -214,7 +197,7 @@ fn forgive(args: &Args, done: anyhow::Result<()>) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// FILE cannot be read at all, or with `--output` OUT cannot be written.
-pub(super) fn post_file(args: &Args) -> anyhow::Result<Done> {
+fn post_file(args: &Args) -> anyhow::Result<Done> {
     let path = files::resolve(&args.file)?;
     let started = Instant::now();
     let mut input = files::open_regular(&path)?;

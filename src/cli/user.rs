@@ -2,7 +2,7 @@
 //!
 //! Writes the data folder's `auth.json`, which a running daemon reads anew.
 use crate::server::auth::{Auth, Kept, Name, PasswordHash, Role, Scope, ScopeSet, check_password_length};
-use crate::server::shelf::{Shelf, read_json, write_json};
+use crate::server::shelf::{Shelf, read_text, write_text};
 use crate::station::{Folder, now_unix_s};
 use anyhow::{Context, bail};
 use clap::{Subcommand, ValueEnum};
@@ -40,6 +40,14 @@ enum What {
     Remove {
         /// The user's name
         name: String,
+    },
+    /// Give a user another role
+    Role {
+        /// The user's name
+        name: String,
+        /// What they may do
+        #[arg(value_enum)]
+        role: AsRole,
     },
     /// Give a user another password
     Password {
@@ -114,7 +122,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let folder = Folder::open(args.state.as_deref())?;
     let shelf = Shelf::beside(folder.store.path());
     let path = shelf.auth();
-    let kept: Kept = read_json(&path)?.unwrap_or_default();
+    let kept = match read_text(&path)? {
+        Some(text) => Kept::from_json(&text).with_context(|| path.display().to_string())?,
+        None => Kept::default(),
+    };
     let mut auth = Auth::new(kept);
     let now = now_unix_s();
     let mut words = Vec::new();
@@ -140,6 +151,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             auth.remove_user(&Name::new(name)?)?;
             words.push(format!("user {name} removed"));
         }
+        What::Role { name, role } => {
+            auth.set_role(&Name::new(name)?, Role::from(*role))?;
+            words.push(format!("user {name} is {} now", Role::from(*role).word()));
+        }
         What::Password { name } => {
             let name = Name::new(name)?;
             if !auth.users().any(|user| user.name == name) {
@@ -159,7 +174,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     if let Some(kept) = auth.take_change() {
-        write_json(&path, &kept)?;
+        write_text(&path, &kept.to_json()?)?;
         give_to_owner(&path, folder.store.path());
     }
     super::say(&words.join("\n"));

@@ -34,6 +34,8 @@ pub(crate) struct App {
     pub(crate) started: Instant,
     /// Names of files that OctoPrint's clients have selected, by printer.
     pub(crate) selected: std::sync::Mutex<std::collections::BTreeMap<String, String>>,
+    /// What opens a Moonraker client's socket, once.
+    pub(crate) oneshots: super::moonraker::oneshot::Oneshots,
 }
 
 impl App {

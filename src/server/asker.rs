@@ -56,12 +56,9 @@ impl From<Refused> for Problem {
     fn from(refused: Refused) -> Self {
         let words = refused.to_string();
         match refused {
-            Refused::Unauthenticated | Refused::WrongPassword => Problem::new(Kind::Unauthenticated, words),
-            Refused::Forbidden { .. } => Problem::new(Kind::Forbidden, words),
-            Refused::Reauthenticate => Problem::new(Kind::Reauthenticate, words),
-            Refused::Csrf => Problem::new(Kind::Csrf, words),
             Refused::Limited(limited) => Problem::rate_limited(limited.retry_after_s),
             Refused::NoRandom(_) => Problem::internal(words),
+            refused => Problem::new(Kind::of(refused.kind()), words),
         }
     }
 }

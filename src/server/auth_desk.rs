@@ -5,9 +5,10 @@
 //! (`outrigger user add`) is read anew.
 use super::auth::{Auth, Kept, Source};
 use super::problem::Problem;
-use super::shelf::{read_json, write_json};
+use super::shelf::{read_text, write_text};
 use crate::job::disk::stamp;
 use crate::station::now_unix_s;
+use anyhow::Context;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -30,7 +31,10 @@ impl AuthDesk {
     /// # Errors
     /// The file is there and cannot be used: nobody is let in by a damaged one.
     pub(crate) fn open(path: &Path) -> anyhow::Result<Self> {
-        let kept: Kept = read_json(path)?.unwrap_or_default();
+        let kept = match read_text(path)? {
+            Some(text) => Kept::from_json(&text).with_context(|| path.display().to_string())?,
+            None => Kept::default(),
+        };
         let auth = Auth::new(kept);
         let has_users = watch::channel(!auth.needs_first_user()).0;
         Ok(Self {
@@ -79,8 +83,9 @@ impl AuthDesk {
         let mut seen = self.seen.lock().await;
         let Some(kept) = self.lock().take_change() else { return Ok(()) };
         let path = self.path.clone();
+        let text = kept.to_json().map_err(|e| Problem::internal(e.to_string()))?;
         let written = tokio::task::spawn_blocking(move || {
-            write_json(&path, &kept)?;
+            write_text(&path, &text)?;
             Ok::<_, super::shelf::ShelfError>(stamp_of(&path))
         })
         .await;
@@ -111,18 +116,21 @@ impl AuthDesk {
         let was = *seen;
         let read = tokio::task::spawn_blocking(move || {
             let now = stamp_of(&path);
-            (now != was).then(|| (now, read_json::<Kept>(&path)))
+            let read = || -> anyhow::Result<Kept> {
+                Ok(read_text(&path)?.map(|text| Kept::from_json(&text)).transpose()?.unwrap_or_default())
+            };
+            (now != was).then(|| (now, read()))
         })
         .await;
         match read {
             Ok(Some((now, Ok(kept)))) => {
                 *seen = now;
-                self.lock().reload(kept.unwrap_or_default());
+                self.lock().reload(kept);
                 tracing::info!("users and keys were changed by another process");
             }
             Ok(Some((now, Err(why)))) => {
                 *seen = now;
-                tracing::error!("{why}; users and keys stay as they were");
+                tracing::error!("{why:#}; users and keys stay as they were");
             }
             Ok(None) | Err(_) => return,
         }

@@ -8,7 +8,7 @@ use crate::profile::keys::{Key, Takes};
 use crate::profile::{Located, Profile, ProfileError, check, line_of, load_printer};
 use serde::{Deserialize, Serialize};
 use std::net::{IpAddr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Largest configuration file, bytes; anything larger is something else.
@@ -398,11 +398,6 @@ pub(crate) fn webcam_origin(url: &str) -> Option<&str> {
     let origin = &url[..end];
     let plain = |c: char| c.is_ascii_alphanumeric() || ".:-[]/".contains(c);
     (end > host_at && origin.chars().all(plain)).then_some(origin)
-}
-
-/// The folder that a configuration or the environment names.
-pub(crate) fn data_folder(config: &Config, named: Option<&Path>) -> Option<PathBuf> {
-    named.map(Path::to_owned).or_else(|| config.storage.folder.clone())
 }
 
 #[cfg(test)]

@@ -12,13 +12,14 @@ use super::foreman::view::View;
 use super::foreman::{Foreman, Means, Message};
 use super::inspect::{Inspector, Work};
 use super::shelf::Shelf;
-use super::{api, gate, http, metrics, page};
+use super::{api, gate, http, metrics, moonraker, octoprint, page, prusalink};
 use crate::station::Folder;
 use anyhow::Context;
 use axum::Router;
-use axum::extract::DefaultBodyLimit;
-use axum::http::HeaderValue;
+use axum::extract::{DefaultBodyLimit, Path, Request};
+use axum::http::{HeaderValue, Uri};
 use axum::middleware::{from_fn_with_state, map_request};
+use axum::response::Redirect;
 use axum::routing::get;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -139,6 +140,7 @@ impl Daemon {
             again: super::again::Again::default(),
             started,
             selected: std::sync::Mutex::default(),
+            oneshots: super::moonraker::oneshot::Oneshots::default(),
         });
         let routes = routes(&app);
         Ok(Self { app, routes, inbox: post, stop_inspector, threads })
@@ -296,15 +298,76 @@ async fn look(app: Arc<App>) {
 fn routes(app: &Arc<App>) -> Router {
     let policy = HeaderValue::from_str(&gate::policy(app)).unwrap_or(HeaderValue::from_static("default-src 'self'"));
     let own = api::routes().layer(from_fn_with_state(Arc::clone(app), super::again::once));
-    own.route("/metrics", get(metrics::metrics))
+    let clients = octoprint::routes().merge(prusalink::routes()).merge(moonraker::routes());
+    let routes = own
+        .route("/metrics", get(metrics::metrics))
         .merge(page::routes())
+        .merge(clients.clone())
+        .nest("/p/{printer}", clients)
+        .route("/p/{printer}", get(at_page))
+        .route("/p/{printer}/", get(at_page))
         .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
-        .layer(map_request(without_double_slashes))
         .layer(from_fn_with_state((Arc::clone(app), policy), gate::pass))
-        .with_state(Arc::clone(app))
+        .with_state(Arc::clone(app));
+    without_double_slashes(routes)
 }
 
-/// Some clients write `//api`: for them that is `/api`.
-async fn without_double_slashes<B>(request: axum::http::Request<B>) -> axum::http::Request<B> {
-    request
+/// A printer's address in a browser, which some slicers show beside their own window.
+async fn at_page(Path(printer): Path<String>) -> Redirect {
+    // What is no printer's name leads to the page's own words for that.
+    let plain: String = printer.chars().filter(|c| c.is_ascii_alphanumeric() || "-_".contains(*c)).collect();
+    Redirect::to(&format!("/#/printer/{plain}"))
+}
+
+/// Some clients write `//api`: for them that is `/api`. A layer of the routes would come too late, for
+/// they are found before it; around them is a router that knows none.
+fn without_double_slashes(routes: Router) -> Router {
+    let rewrite = async |mut request: Request| {
+        if let Some(uri) = single_slashes(request.uri()) {
+            *request.uri_mut() = uri;
+        }
+        request
+    };
+    Router::new().fallback_service(routes).layer(map_request(rewrite))
+}
+
+/// The address without empty parts in its path; `None`: it has none.
+fn single_slashes(uri: &Uri) -> Option<Uri> {
+    let (path, query) = (uri.path(), uri.query().map(|query| format!("?{query}")).unwrap_or_default());
+    if !path.contains("//") {
+        return None;
+    }
+    let mut single = String::with_capacity(path.len());
+    for c in path.chars() {
+        if c != '/' || !single.ends_with('/') {
+            single.push(c);
+        }
+    }
+    (single + &query).parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_slashes_are_one() {
+        let check = |uri: &str, expect: Option<&str>| {
+            assert_eq!(single_slashes(&uri.parse().unwrap()).map(|uri| uri.to_string()).as_deref(), expect, "{uri}");
+        };
+        check("//api/printer/bed", Some("/api/printer/bed"));
+        check("/p/a///api//job?x=//", Some("/p/a/api/job?x=//"));
+        check("/api/job?x=//", None);
+        check("/api/files/local/a%2F%2Fb", None);
+    }
+
+    #[tokio::test]
+    async fn they_are_one_before_a_route_is_found() {
+        let routes = Router::new().route("/api/{name}", get(async |uri: Uri| uri.to_string()));
+        let service = hyper_util::service::TowerToHyperService::new(without_double_slashes(routes));
+        let request = Request::builder().uri("//api//job?a=b").body(axum::body::Body::empty()).unwrap();
+        let response = hyper::service::Service::call(&service, request).await.unwrap();
+        let body = axum::body::to_bytes(response.into_body(), 64).await.unwrap();
+        assert_eq!(body, "/api/job?a=b");
+    }
 }

@@ -23,11 +23,20 @@ pub(crate) fn policy(app: &App) -> String {
     )
 }
 
+/// A path as it may stand in a log: what an application fetches its key with is left out.
+fn told(path: &str) -> String {
+    const SECRET: &str = "/appkeys/request/";
+    match path.split_once(SECRET) {
+        Some((before, _)) => format!("{before}{SECRET}…"),
+        None => path.to_owned(),
+    }
+}
+
 /// The layer around all routes.
 pub(crate) async fn pass(State((app, policy)): State<(Arc<App>, HeaderValue)>, request: Request, next: Next) -> Response {
     let began = Instant::now();
     let from = source(request.headers(), request.extensions().get::<Peer>(), &app);
-    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    let (method, path) = (request.method().clone(), told(request.uri().path()));
     let encrypted = request.extensions().get::<Peer>().is_some_and(|peer| peer.encrypted);
     let mut response = match app.auth.admit(from) {
         Ok(()) => next.run(request).await,
@@ -48,9 +57,8 @@ pub(crate) async fn pass(State((app, policy)): State<(Arc<App>, HeaderValue)>, r
     if encrypted {
         headers.insert(header::STRICT_TRANSPORT_SECURITY, HeaderValue::from_static("max-age=31536000"));
     }
-    if path.starts_with("/api/") {
-        headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
-    }
+    // The page's files say themselves how long they are good.
+    headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     tracing::debug!(%method, path, status = response.status().as_u16(), ms = began.elapsed().as_millis() as u64, "request");
     response
 }

@@ -131,11 +131,6 @@ pub(crate) async fn serve(
     accepting.shutdown().await;
 }
 
-/// All connections of an earlier [`serve`] have ended, or were waited for long enough.
-pub(crate) async fn last_requests() {
-    tokio::time::sleep(Duration::from_millis(50)).await;
-}
-
 async fn accept(
     listener: TcpListener,
     tls: Option<TlsAcceptor>,

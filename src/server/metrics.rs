@@ -40,7 +40,9 @@ pub(crate) async fn metrics(_: Read, State(app): State<Arc<App>>) -> Result<Resp
     let free = family("disk_free_bytes", "Where the data folder is");
     let memory = family("resident_memory_bytes", "Of the daemon's process");
 
-    let set = |family: &Number, labels: Labels, value: f64| drop(family.get_or_create(&labels).set(value));
+    let set = |family: &Number, labels: Labels, value: f64| {
+        family.get_or_create(&labels).set(value);
+    };
     set(&build, vec![("version", env!("CARGO_PKG_VERSION").to_owned())], 1.0);
     set(&uptime, Vec::new(), app.started.elapsed().as_secs_f64());
     for station in &app.stations {

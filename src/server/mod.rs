@@ -10,6 +10,7 @@
 //! - [`actor`]: a printer's thread
 //! - [`http`]: sockets; [`gate`], [`asker`], [`again`], [`upload`], [`problem`]: what requests have
 //!   in common; [`auth`] (the rules of who may what) and [`auth_desk`] (their disk and clock)
+//! - [`octoprint`], [`prusalink`], [`moonraker`]: what slicers and apps speak
 //! - [`api`]: our own routes; [`page`]: the page's files; [`metrics`]
 //!
 //! # Threads
@@ -31,8 +32,11 @@ pub(crate) mod http;
 pub(crate) mod inspect;
 pub(crate) mod metrics;
 pub(crate) mod model;
+pub(crate) mod moonraker;
+pub(crate) mod octoprint;
 pub(crate) mod page;
 pub(crate) mod problem;
+pub(crate) mod prusalink;
 pub(crate) mod shelf;
 pub(crate) mod systemd;
 pub(crate) mod upload;

@@ -79,6 +79,11 @@ impl Kind {
         }
     }
 
+    /// The kind of a word; a word that is none is a fault of ours.
+    pub(crate) fn of(word: &str) -> Self {
+        Kind::ALL.into_iter().find(|kind| kind.told().0 == word).unwrap_or(Kind::Internal)
+    }
+
     /// All words, for the description of the API.
     pub(crate) fn words() -> Vec<&'static str> {
         Kind::ALL.iter().map(|kind| kind.told().0).collect()
@@ -205,5 +210,8 @@ mod tests {
         words.sort_unstable();
         words.dedup();
         assert_eq!(words.len(), Kind::ALL.len());
+        for kind in Kind::ALL {
+            assert_eq!(Kind::of(kind.told().0), kind);
+        }
     }
 }

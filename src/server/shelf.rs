@@ -288,32 +288,41 @@ fn entries(folder: &Path, letter: char) -> Vec<(String, PathBuf)> {
         .collect()
 }
 
-/// Reads a description; `None`: there is none.
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, ShelfError> {
+    let Some(text) = read_text(path)? else { return Ok(None) };
+    serde_json::from_str(&text).map(Some).map_err(|e| at("read", path)(io::Error::other(e)))
+}
+
+/// Reads a small text; `None`: there is none.
 ///
 /// # Errors
-/// It cannot be read, or is none.
-pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, ShelfError> {
+/// It cannot be read.
+pub(crate) fn read_text(path: &Path) -> Result<Option<String>, ShelfError> {
     let file = match fs::File::open(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         file => file.map_err(at("read", path))?,
     };
-    let mut bytes = Vec::new();
-    file.take(MAX_JSON_BYTES).read_to_end(&mut bytes).map_err(at("read", path))?;
-    serde_json::from_slice(&bytes).map(Some).map_err(|e| at("read", path)(io::Error::other(e)))
+    let mut text = String::new();
+    file.take(MAX_JSON_BYTES).read_to_string(&mut text).map_err(at("read", path))?;
+    Ok(Some(text))
 }
 
-/// Writes a description whole, for this user's eyes only.
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), ShelfError> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| at("write", path)(io::Error::other(e)))?;
+    write_text(path, &text)
+}
+
+/// Writes a small text whole, for this user's eyes only.
 ///
 /// # Errors
 /// The medium's; what was there before is still there.
-pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), ShelfError> {
-    let bytes = serde_json::to_vec_pretty(value).map_err(|e| at("write", path)(io::Error::other(e)))?;
+pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), ShelfError> {
     let temporary = path.with_extension("tmp");
     let write = || -> io::Result<()> {
         let mut options = fs::OpenOptions::new();
         options.write(true).create(true).truncate(true).mode(0o600);
         let mut file = options.open(&temporary)?;
-        file.write_all(&bytes)?;
+        file.write_all(text.as_bytes())?;
         file.sync_all()?;
         fs::rename(&temporary, path)
     };

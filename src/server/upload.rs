@@ -185,6 +185,11 @@ pub(crate) fn announced_digest(header: &str) -> Result<Option<[u8; 32]>, Problem
     Ok(None)
 }
 
+/// The SHA-256 of bytes that are in memory.
+pub(crate) fn sha256(bytes: &[u8]) -> [u8; 32] {
+    Sha256::digest(bytes).into()
+}
+
 /// Lower-case hexadecimal digits.
 pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()

@@ -12,7 +12,7 @@ import { celsius } from './format.js';
 import { fail } from './notice.js';
 
 const SPAN_S = 1800;
-const SIZE = { width: 640, height: 220, left: 48, right: 8, top: 10, bottom: 24 };
+const SIZE = { height: 220, left: 48, right: 8, top: 10, bottom: 24 };
 const LEAST_TOP_C = 60;
 // Where samples are this many steps apart the printer was away, and the line has a gap.
 const GAP_STEPS = 4;
@@ -40,9 +40,12 @@ function path(samples, column, x, y, gapS) {
   return words;
 }
 
+/** Draws in the width that is there, so that letters keep their size on a small screen. */
 function draw(svg, samples, everyS) {
   const end = samples[samples.length - 1]?.[0] ?? Date.now() / 1000;
-  const { width, height, left, right, top, bottom } = SIZE;
+  const width = Math.max(200, svg.clientWidth);
+  svg.setAttribute('viewBox', `0 0 ${width} ${SIZE.height}`);
+  const { height, left, right, top, bottom } = SIZE;
   const highest = Math.max(LEAST_TOP_C, ...samples.flatMap((sample) => sample.slice(1).filter(Number.isFinite)));
   const step = stepOf(highest * 1.05);
   const topC = Math.ceil((highest * 1.05) / step) * step;
@@ -77,7 +80,7 @@ function inWords(samples) {
 }
 
 export function temperatureGraph(scope, id) {
-  const svg = el('svg', { viewBox: `0 0 ${SIZE.width} ${SIZE.height}`, class: 'graph', role: 'img', 'aria-label': W.graph.none });
+  const svg = el('svg', { class: 'graph', role: 'img', 'aria-label': W.graph.none });
   const value = (name, column) => el('span', { class: 'key' }, el('span', { class: `dash ${name}` }), W.graph[name], ' ', el('output', { 'aria-live': 'off', data: { column } }, W.none));
   const legend = el('p', { class: 'legend' }, SERIES.map(([name, column]) => value(name, column)), el('span', { class: 'faint' }, W.graph.legend));
   let samples = [];
@@ -109,6 +112,8 @@ export function temperatureGraph(scope, id) {
     redraw();
   }));
   scope.every(WORDS_EVERY_MS, describe);
-  redraw();
+  const measured = new ResizeObserver(redraw);
+  measured.observe(svg);
+  scope.ends.push(() => measured.disconnect());
   return section(W.graph.title, {}, legend, svg);
 }

@@ -58,9 +58,10 @@ function row(id, queue, place, dragged) {
     el('span', { class: 'place' }, String(place + 1)),
     el('a', { class: 'clip', href: `#/job/${encodeURIComponent(job.id)}`, draggable: 'false', data: { key: job.id } }, job.name),
     jobPill(job),
+    // The ends are told as disabled and yet keep the focus: whoever moved a job to the top may want to move it back.
     may('print') && el('span', { class: 'row tight' },
-      button('↑', step(-1), { kind: 'icon quiet', 'aria-label': W.queue.up(job.name), disabled: place === 0, key: `up ${job.id}` }),
-      button('↓', step(1), { kind: 'icon quiet', 'aria-label': W.queue.down(job.name), disabled: place === queue.length - 1, key: `down ${job.id}` }),
+      button('↑', step(-1), { kind: 'icon quiet', 'aria-label': W.queue.up(job.name), 'aria-disabled': place === 0 ? 'true' : null, key: `up ${job.id}` }),
+      button('↓', step(1), { kind: 'icon quiet', 'aria-label': W.queue.down(job.name), 'aria-disabled': place === queue.length - 1 ? 'true' : null, key: `down ${job.id}` }),
       job.can.includes('cancel') && asking(W.queue.take, { question: W.queue.takeAsk(job.name), yes: W.queue.takeYes, key: `take ${job.id}` }, () => jobAction(job.id, 'cancel'))));
   if (may('print')) draggable(item, id, queue, place, dragged);
   return item;

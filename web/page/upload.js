@@ -17,6 +17,9 @@ import { store } from './live.js';
 /** Whether what is sent from the printer's view is held; the box for it is there. */
 export const wish = { hold: false };
 
+// What arrived is told for so long; it is in the queue or among the files then.
+const DONE_MS = 12_000;
+
 const list = el('ul', {});
 let panel = null;
 let before = Promise.resolve();
@@ -63,10 +66,11 @@ function line(file) {
   const gone = new AbortController();
   const end = el('span', { class: 'row' }, button(W.upload.stop, () => gone.abort(), { kind: 'small', 'aria-label': `${W.upload.stop}: ${file.name}` }));
   const item = el('li', {}, el('p', { class: 'clip' }, file.name), made, el('div', { class: 'between' }, words, end));
-  const close = () => button(W.upload.close, () => {
+  const leave = () => {
     item.remove();
     panel.hidden = !list.children.length;
-  }, { kind: 'small', 'aria-label': `${W.upload.close}: ${file.name}` });
+  };
+  const close = () => button(W.upload.close, leave, { kind: 'small', 'aria-label': `${W.upload.close}: ${file.name}` });
   list.append(item);
   panel.hidden = false;
   gone.signal.addEventListener('abort', () => {
@@ -80,6 +84,7 @@ function line(file) {
       words.textContent = text;
       say(`${file.name}: ${text}`);
       end.replaceChildren(el('a', { href }, link), close());
+      setTimeout(() => { if (!item.contains(document.activeElement)) leave(); }, DONE_MS);
     },
     failed(error) {
       item.classList.add('bad');

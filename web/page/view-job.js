@@ -95,17 +95,16 @@ export function view(scope, id) {
   const printerName = () => store.printers.get(job().printer)?.name ?? job().printer;
   return [
     el('div', { class: 'view-head' },
-      scope.text(() => job().name, 'h1', { tabindex: -1, class: 'clip' }),
+      scope.text(() => job().name, 'h1', { tabindex: -1 }),
       scope.part(() => [job().state, job().state_words], () => jobPill(job()), {}, 'span')),
     el('div', { class: 'columns job' },
-      el('div', {},
-        statePanel(scope, id), checkPanel(scope, () => store.files.get(job().file), () => job().printer),
-        timeline(scope, id),
+      el('div', {}, statePanel(scope, id), checkPanel(scope, () => store.files.get(job().file), () => job().printer)),
+      picturePanel(scope, id),
+      el('div', {}, timeline(scope, id),
         section(W.job.about, { cls: 'plain' }, scope.part(() => [printerName(), job().by, job().created_unix_s, job().record, job().printed], () => terms(
           [W.job.on, el('a', { href: `#/printer/${encodeURIComponent(job().printer)}`, data: { key: 'printer' } }, printerName())],
           [W.job.by, job().by], [W.job.created, when(job().created_unix_s)],
           job().record !== null && job().record !== undefined && [W.job.record, String(job().record)],
-          [W.job.printedAs, W.job.printed[job().printed] ?? job().printed])))),
-      picturePanel(scope, id)),
+          [W.job.printedAs, W.job.printed[job().printed] ?? job().printed]))))),
   ];
 }

@@ -48,7 +48,7 @@ export const W = {
   },
   stop: {
     label: 'Emergency stop',
-    allShort: (n) => `all ${n}`, sending: 'Stopping…', sent: (name) => `Emergency stop sent to ${name}. Heaters and motors are switched off.`,
+    allShort: (n) => `all ${n}`, sending: 'Stopping…', sent: (name) => `Emergency stop sent to ${name}. See that it stands still.`,
     failed: (name) => `The emergency stop for ${name} did NOT reach the daemon. Switch the printer off by its own switch.`,
     group: 'Emergency stop', tip: 'Switches heaters and motors off at once. The print is lost.',
   },

@@ -68,6 +68,10 @@ pub struct Stats {
     pub digest: String,
     /// Lines in the digest.
     pub digest_lines: u64,
+    /// The same over all numberings and connections, in the order of acceptance.
+    pub all_digest: String,
+    /// Lines in it.
+    pub all_digest_lines: u64,
     /// When the first line came that was not the host's own (see
     /// [`is_hosts_own`]), in s since the mock was started; 0 before.
     pub first_job_line_s: f64,

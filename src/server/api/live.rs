@@ -25,10 +25,10 @@ use utoipa_axum::routes;
 pub(crate) const TICK: Duration = Duration::from_millis(500);
 
 /// A viewer that takes nothing for so long is gone.
-const STUCK: Duration = Duration::from_secs(20);
+pub(crate) const STUCK: Duration = Duration::from_secs(20);
 
 /// So often it is asked whether a viewer is there, and looked whether it still may.
-const PING: Duration = Duration::from_secs(30);
+pub(crate) const PING: Duration = Duration::from_secs(30);
 
 /// Viewers at a time.
 const MAX_VIEWERS: usize = 400;

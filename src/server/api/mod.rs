@@ -3,11 +3,11 @@
 //! `docs/api.md` tells the same to people; the OpenAPI document is made from the routes themselves,
 //! so that neither can lack what the other has. Handlers hold no rules: they take what was asked,
 //! give it to the foreman or an actor, and tell what came of it.
-mod files;
+pub(crate) mod files;
 mod jobs;
 mod keys;
-mod live;
-mod printers;
+pub(crate) mod live;
+pub(crate) mod printers;
 mod session;
 mod users;
 

@@ -1,4 +1,6 @@
 //! The rooms together: what a client sees, and the lessons of hosts that were broken into.
+use super::keys::PREFIX as KEY_PREFIX;
+use super::secret::Secret;
 use super::*;
 use std::net::IpAddr;
 

@@ -82,7 +82,7 @@ async fn download(Read(Asked { at, .. }): Read, Path(Named { name }): Path<Named
 
 /// An upload is a new file, whatever its name; refused is only the name of what is being printed
 /// here ([`At::free_name`]). With `print` it is queued: `effectivePrint` says whether it goes to the
-/// printer by itself. One that is held by its check, or still looked at, does not yet.
+/// printer now. One that is still looked at, is held, or waits for its turn or a clear bed does not.
 async fn upload(Print(Asked { at, who }): Print, request: Request) -> Result<Response, Plain> {
     let form = Form::read(&at.app, request, |name| at.free_name(name)).await?;
     let (prints, selects) = (form.says("print"), form.says("select"));

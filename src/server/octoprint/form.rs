@@ -126,9 +126,9 @@ pub(crate) async fn kept(at: &At, who: &Who, upload: Upload, name: String, print
     Ok((file, Some(looked_at(&at.app, job).await)))
 }
 
-/// Whether a job goes to the printer by itself.
+/// Whether a job goes to the printer now: nothing and nobody is waited for.
 pub(crate) fn goes(job: &Job) -> bool {
-    job.state == Stage::Queued || job.state.is_running()
+    job.state.is_running() || (job.state == Stage::Queued && job.waits_for.is_none())
 }
 
 async fn looked_at(app: &App, job: Job) -> Job {

@@ -1,7 +1,7 @@
 //! What the host is: version, server, connection, settings, profiles, and who is asking.
 use super::asked::{Asked, At, Doing};
 use super::job::state_text;
-use super::plain::{Admin, Control, Plain, Read, json};
+use super::plain::{Control, Plain, Read, json};
 use crate::profile::printer::{BedShape, Origin};
 use crate::server::api::printers::{Wanted, action};
 use crate::server::app::App;
@@ -210,7 +210,7 @@ async fn commands(_: Read) -> Json<Value> {
 }
 
 /// No command of a network reaches the machine's own shell.
-async fn no_command(_: Admin) -> Plain {
+async fn no_command(_: Control) -> Plain {
     Plain(Problem::no_such("command: the machine is switched off elsewhere"))
 }
 

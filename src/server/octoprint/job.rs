@@ -44,7 +44,7 @@ pub(super) fn selected(at: &At) -> Option<String> {
 }
 
 /// Selects a file, by its name: the newest of that name counts.
-pub(super) fn select(at: &At, name: &str) {
+pub(crate) fn select(at: &At, name: &str) {
     let mut selected = at.app.selected.lock().unwrap_or_else(PoisonError::into_inner);
     selected.insert(at.id().to_owned(), name.to_owned());
 }

@@ -78,9 +78,7 @@ scoped!(
     /// Whoever may print.
     Print,
     /// Whoever may command the printer.
-    Control,
-    /// Admins.
-    Admin
+    Control
 );
 
 /// The printer, whoever asks.

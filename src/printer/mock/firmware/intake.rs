@@ -149,6 +149,7 @@ impl Firmware {
         }
         self.highest = self.highest.max(n);
         self.digest.add(command.whole);
+        self.all_digest.add(command.whole);
         if self.counts.first_job_line_s == 0.0 && self.digest.lines() > 0 {
             self.counts.first_job_line_s = self.now_ns as f64 / 1e9;
         }

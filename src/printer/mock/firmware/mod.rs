@@ -113,6 +113,7 @@ pub struct Firmware {
     /// Highest number in this numbering.
     highest: i64,
     digest: Digest,
+    all_digest: Digest,
     counts: Stats,
     /// When it began to start, each time.
     starts_ns: Vec<u64>,
@@ -170,6 +171,7 @@ impl Firmware {
             hang_up_ns: None,
             highest: 0,
             digest: Digest::default(),
+            all_digest: Digest::default(),
             counts: Stats { boots: 1, ..Stats::default() },
             starts_ns: Vec::new(),
             config,
@@ -437,6 +439,8 @@ impl Firmware {
             planner_most: self.planner.planned_most,
             digest: self.digest.hex(),
             digest_lines: self.digest.lines(),
+            all_digest: self.all_digest.hex(),
+            all_digest_lines: self.all_digest.lines(),
             real_s: seconds(self.now_ns),
             simulated_s: now_s,
             heaters_on: self.heaters.all().any(|heater| heater.target_c() > 0.0),
