@@ -68,9 +68,11 @@ impl Host {
     fn upload(&self, path: &str, name: &str, fields: &[(&str, &str)], bytes: &[u8]) -> Answer {
         let mut form = String::new();
         for (field, value) in fields {
-            write!(form, "--B\r\nContent-Disposition: form-data; name=\"{field}\"\r\n\r\n{value}\r\n").unwrap();
+            write!(form, "--B\r\nContent-Disposition: form-data; name=\"{field}\"\r\n\r\n{value}\r\n")
+                .unwrap();
         }
-        write!(form, "--B\r\nContent-Disposition: form-data; name=\"file\"; filename=\"{name}\"\r\n\r\n").unwrap();
+        write!(form, "--B\r\nContent-Disposition: form-data; name=\"file\"; filename=\"{name}\"\r\n\r\n")
+            .unwrap();
         let body = [form.as_bytes(), bytes, b"\r\n--B--\r\n"].concat();
         self.send("POST", path, &[("Content-Type", "multipart/form-data; boundary=B")], &body)
     }
@@ -136,7 +138,13 @@ fn asked_first(to: SocketAddr, head: &[u8], body: &[u8]) -> Answer {
 }
 
 /// Plays one, and gives what it saves for the next ones.
-fn play(host: &Host, file: &[u8], exchange_: &Exchange, known: &mut BTreeMap<String, String>, only_status: bool) {
+fn play(
+    host: &Host,
+    file: &[u8],
+    exchange_: &Exchange,
+    known: &mut BTreeMap<String, String>,
+    only_status: bool,
+) {
     let Exchange { name, head, body, expects } = exchange_;
     let filled = |text: &str| {
         let text = text.replace("{{HOST}}", &host.daemon.address.to_string()).replace("{{KEY}}", &host.key);
@@ -163,12 +171,21 @@ fn play(host: &Host, file: &[u8], exchange_: &Exchange, known: &mut BTreeMap<Str
 }
 
 /// Holds an answer to one expectation.
-fn meets(host: &Host, answer: &Answer, expect: &str, known: &mut BTreeMap<String, String>) -> Result<(), String> {
+fn meets(
+    host: &Host,
+    answer: &Answer,
+    expect: &str,
+    known: &mut BTreeMap<String, String>,
+) -> Result<(), String> {
     let words: Vec<&str> = expect.splitn(4, ' ').collect();
     let must = |holds: bool, why: &str| if holds { Ok(()) } else { Err(why.to_owned()) };
-    let header = |name: &str| answer.header(&name.to_ascii_lowercase()).map(str::to_owned).ok_or("no such header".to_owned());
+    let header = |name: &str| {
+        answer.header(&name.to_ascii_lowercase()).map(str::to_owned).ok_or("no such header".to_owned())
+    };
     match words[..] {
-        ["status", ..] => must(expect.split(' ').skip(1).any(|s| s == answer.status.to_string()), "another status"),
+        ["status", ..] => {
+            must(expect.split(' ').skip(1).any(|s| s == answer.status.to_string()), "another status")
+        }
         ["header", name, "contains", text] => must(header(name)?.contains(text), "it does not"),
         ["save", name, "header", from] => {
             known.insert(name.to_owned(), header(from)?);
@@ -179,7 +196,9 @@ fn meets(host: &Host, answer: &Answer, expect: &str, known: &mut BTreeMap<String
             known.insert(name.to_owned(), segment);
             Ok(())
         }
-        ["first-key", key] => must(answer.text().trim_start().starts_with(&format!("{{\"{key}\"")), "it does not begin so"),
+        ["first-key", key] => {
+            must(answer.text().trim_start().starts_with(&format!("{{\"{key}\"")), "it does not begin so")
+        }
         ["do", "allow"] => {
             let waiting = host.daemon.see("/api/v2/keys/requests");
             for request in waiting.as_array().unwrap() {
@@ -194,7 +213,9 @@ fn meets(host: &Host, answer: &Answer, expect: &str, known: &mut BTreeMap<String
             let text = value.as_str().unwrap_or_default();
             match *rest {
                 ["exists"] => Ok(()),
-                ["=", wanted] => must(serde_json::from_str::<Value>(wanted).is_ok_and(|w| w == *value), "it is another"),
+                ["=", wanted] => {
+                    must(serde_json::from_str::<Value>(wanted).is_ok_and(|w| w == *value), "it is another")
+                }
                 ["starts", wanted] => must(text.starts_with(wanted), "it does not"),
                 ["contains", wanted] => must(text.contains(wanted), "it does not"),
                 _ => Err("what is that?".to_owned()),
@@ -225,7 +246,9 @@ fn what_slicers_send_is_understood() {
         }
     }
     let names = host.names();
-    for name in ["Würfel \"20mm\"_0.2mm_PLA_12m.gcode", "Würfel #20.gcode", "link cube.gcode", "CE3_cura cube.gcode"] {
+    for name in
+        ["Würfel \"20mm\"_0.2mm_PLA_12m.gcode", "Würfel #20.gcode", "link cube.gcode", "CE3_cura cube.gcode"]
+    {
         assert!(names.iter().any(|n| n == name), "{name} is not among {names:?}");
     }
     for name in ["evil.gcode", "digest cube.gcode"] {
@@ -300,7 +323,9 @@ fn a_key_that_may_only_read_does_nothing_else() {
     let host = Host::start("50");
     let reader = user(&host.daemon.state, &["key", "reader", "--scopes", "read"], "");
     let with = |method: &str, path: &str, body: &[u8]| {
-        host.daemon.send(method, path, &[("X-Api-Key", &reader), ("Content-Type", "application/json")], body).status
+        host.daemon
+            .send(method, path, &[("X-Api-Key", &reader), ("Content-Type", "application/json")], body)
+            .status
     };
     // The daemon reads a list that another process has written within seconds.
     wait_until("the new key to be known", || {
@@ -324,15 +349,20 @@ fn a_key_that_may_only_read_does_nothing_else() {
 #[test]
 fn a_job_that_the_check_holds_is_not_said_to_be_printed() {
     let host = Host::start("50");
-    let answer = host.upload("/api/files/local", "lamp.gcode", &[("print", "true")], &common::corpus("lamp.gcode"));
+    let answer =
+        host.upload("/api/files/local", "lamp.gcode", &[("print", "true")], &common::corpus("lamp.gcode"));
     assert_eq!(answer.status, 201, "{}", answer.text());
     assert_eq!(answer.json()["effectivePrint"], false, "{}", answer.text());
     let job = host.daemon.see("/api/v2/jobs")[0].clone();
     host.daemon.wait_job(&job, "held");
     let shown = host.send("GET", "/api/job", &[], b"").json();
-    assert_eq!((&shown["state"], &shown["job"]["file"]["name"]), (&json!("Operational"), &json!("lamp.gcode")));
+    assert_eq!(
+        (&shown["state"], &shown["job"]["file"]["name"]),
+        (&json!("Operational"), &json!("lamp.gcode"))
+    );
     // A person decides, not a client that starts it once more.
-    let again = host.send("POST", "/api/files/local/lamp.gcode", &[], br#"{"command": "select", "print": true}"#);
+    let again =
+        host.send("POST", "/api/files/local/lamp.gcode", &[], br#"{"command": "select", "print": true}"#);
     assert_eq!(again.status, 409, "{}", again.text());
     host.daemon.end();
 }
@@ -341,14 +371,17 @@ fn a_job_that_the_check_holds_is_not_said_to_be_printed() {
 fn python() -> Option<PathBuf> {
     let python = std::env::var_os("OUTRIGGER_CLIENTS_PYTHON").map_or("python3".into(), PathBuf::from);
     let imports = "import pyoctoprintapi, octorest, moonraker_api";
-    let tried = Command::new(&python).args(["-c", imports]).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    let tried =
+        Command::new(&python).args(["-c", imports]).stdout(Stdio::null()).stderr(Stdio::null()).status();
     tried.is_ok_and(|status| status.success()).then_some(python)
 }
 
 #[test]
 fn real_clients_go_through_their_steps() {
     let Some(python) = python() else {
-        eprintln!("skipped: no Python with pyoctoprintapi, octorest and moonraker-api (OUTRIGGER_CLIENTS_PYTHON)");
+        eprintln!(
+            "skipped: no Python with pyoctoprintapi, octorest and moonraker-api (OUTRIGGER_CLIENTS_PYTHON)"
+        );
         return;
     };
     let host = Host::start("50");
@@ -359,11 +392,21 @@ fn real_clients_go_through_their_steps() {
     for (client, flags) in [("octoprint_clients.py", &[][..]), ("moonraker_client.py", &["--stop"])] {
         let mut run = Command::new(&python);
         run.current_dir(folder()).env("PYTHONDONTWRITEBYTECODE", "1");
-        run.arg(client).arg(format!("http://{}", host.daemon.address)).arg(&host.key).arg(&short).arg("--long").arg(&long);
+        run.arg(client)
+            .arg(format!("http://{}", host.daemon.address))
+            .arg(&host.key)
+            .arg(&short)
+            .arg("--long")
+            .arg(&long);
         run.args(["--admin-key", &host.daemon.key, "--timeout", "90"]).args(flags);
         let out = run.stdin(Stdio::null()).output().unwrap();
         let said = String::from_utf8_lossy(&out.stdout);
         eprintln!("{said}");
-        assert!(out.status.success(), "{client}\n{said}\n{}\n{}", String::from_utf8_lossy(&out.stderr), host.daemon.log());
+        assert!(
+            out.status.success(),
+            "{client}\n{said}\n{}\n{}",
+            String::from_utf8_lossy(&out.stderr),
+            host.daemon.log()
+        );
     }
 }

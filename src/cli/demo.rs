@@ -12,7 +12,7 @@ use crate::printer::mock::{self, Faults};
 use crate::profile::{Profile, load_printer};
 use crate::server::app::App;
 use crate::server::auth::{Name, PasswordHash, Role};
-use crate::server::config::{self, Config, OnFindings};
+use crate::server::config::{self, ClearBed, Config, OnFindings};
 use crate::server::daemon::{Daemon, Options};
 use crate::server::foreman::Message;
 use crate::server::model::{Can, CheckState, File, Job, Link, Stage};
@@ -212,6 +212,8 @@ fn configuration(port: &str, profile: &Profile) -> Config {
         // The job brings its own start and end, and nothing else is to be compared.
         macros: false,
         on_findings: OnFindings::Hold,
+        // What an earlier demo has printed in the same folder went with its mock printer.
+        clear_bed: ClearBed::Assume,
         ..config::Printer::new(PRINTER, PROFILE, port)
     }];
     config
@@ -404,10 +406,12 @@ fn watch_print(app: &Arc<App>, id: &str) -> impl Future<Output = anyhow::Result<
     }
     let (app, id) = (Arc::clone(app), id.to_owned());
     async move {
-        let mut told = 0;
+        let (mut told, began) = (0, Instant::now());
         loop {
             tokio::time::sleep(POLL).await;
             let Some(job) = app.view.job(&id) else { bail!("the job is gone") };
+            let waits = job.state == Stage::Queued && began.elapsed() > PATIENCE;
+            ensure!(!waits, "the job does not begin: it waits for {}", job.waits_for.unwrap_or_default());
             let printer = app.printer(app.station(PRINTER).map_err(|p| anyhow::anyhow!(p.detail))?);
             if let Some(at) = printer.progress {
                 // Between 0 and 100.

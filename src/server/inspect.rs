@@ -408,13 +408,16 @@ fn summary(told: &Value) -> Check {
         findings.push(Finding { kind: "warning".to_owned(), words: warning.to_owned(), ..Finding::default() });
     }
     findings.sort_by_key(|finding| finding.severity);
+    // An island's first layer is an overhang as well: it is counted as what it is.
+    let regions = told["overhangs"]["largest"].as_array().map_or(&[][..], Vec::as_slice);
+    let islands = regions.iter().filter(|region| region["island"].as_bool() == Some(true)).count() as u64;
     let found = findings.iter().any(|finding| finding.severity != Severity::Note);
     let notes = findings.iter().filter(|finding| finding.severity == Severity::Note).count() as u64;
     findings.truncate(MAX_FINDINGS);
     Check {
         state: if found { CheckState::Found } else { CheckState::Clean },
         islands: list("islands").len() as u64 + told["unlisted_islands"].as_u64().unwrap_or_default(),
-        overhangs: told["overhangs"]["regions"].as_u64().unwrap_or_default(),
+        overhangs: told["overhangs"]["regions"].as_u64().unwrap_or_default().saturating_sub(islands),
         printer_findings,
         notes,
         findings,

@@ -77,7 +77,9 @@ async fn upload(
     at.free_name(&name)?;
     let headers = request.headers();
     if says(headers, "overwrite") == Some(false) && at.file(&name).is_ok() {
-        return Err(Plain(Problem::conflict(format!("there is a {name} already, and it shall not be overwritten"))));
+        return Err(Plain(Problem::conflict(format!(
+            "there is a {name} already, and it shall not be overwritten"
+        ))));
     }
     let prints = says(headers, "print-after-upload") == Some(true);
     let announced = headers.get(header::CONTENT_LENGTH).and_then(|n| n.to_str().ok()?.parse().ok());
@@ -110,7 +112,10 @@ async fn info(Read(Asked { at, .. }): Read) -> Json<Value> {
 }
 
 fn state(now: &Now) -> &'static str {
-    let asks = now.job.as_ref().is_some_and(|job| matches!(job.state, Stage::Asking | Stage::Lost | Stage::Interrupted));
+    let asks = now
+        .job
+        .as_ref()
+        .is_some_and(|job| matches!(job.state, Stage::Asking | Stage::Lost | Stage::Interrupted));
     match now.doing {
         Doing::Failed | Doing::Offline => "ERROR",
         Doing::Connecting => "BUSY",

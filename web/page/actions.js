@@ -54,6 +54,8 @@ export function form(fields, label, act, { kind = 'main', cls = 'stack' } = {}) 
   return el('form', {
     class: cls,
     on: {
+      // What was wrong is not, once it is written anew.
+      input: () => { problem.textContent = ''; },
       submit: async (event) => {
         event.preventDefault();
         if (submit.getAttribute('aria-busy') === 'true') return;

@@ -5,7 +5,7 @@
 
 import { el, section } from './dom.js';
 import { W } from './words.js';
-import { mm, number } from './format.js';
+import { mm, number, sentence } from './format.js';
 import { pill } from './progress.js';
 
 const TONE = { waiting: 'calm', checking: 'live', clean: 'good', found: 'warn', failed: 'bad' };
@@ -20,16 +20,20 @@ export function checkPill(check) {
 
 export const countsOf = (check) => W.check.counts(check.islands, check.overhangs, check.printer_findings);
 
-function where({ layer, z_mm, line, area_mm2 }) {
-  const there = (value) => value !== null && value !== undefined;
+/** The place and size of a finding, as far as its sentence does not tell them already. */
+function where({ words, layer, z_mm, line, area_mm2 }) {
+  const there = (value, told) => value !== null && value !== undefined && !told.test(words);
   return [
-    there(layer) && W.check.layer(layer), there(z_mm) && W.check.z(mm(z_mm)), line > 0 && W.check.line(number(line)), area_mm2 > 0 && W.check.area(number(area_mm2, area_mm2 < 10 ? 2 : 0)),
+    there(layer, /\blayer \d/) && W.check.layer(layer), there(z_mm, /\bZ \d/) && W.check.z(mm(z_mm)),
+    line > 0 && there(line, /\bline \d/) && W.check.line(number(line)),
+    area_mm2 > 0 && there(area_mm2, /\d mm²/) && W.check.area(number(area_mm2, area_mm2 < 10 ? 2 : 0)),
   ].filter(Boolean).join(' · ');
 }
 
 function finding(one) {
   const known = SEVERITIES.includes(one.severity) ? one.severity : 'look';
-  return el('li', { class: 'finding' }, pill(W.check.severity[known], SEVERITY_TONE[known]), el('div', {}, el('p', {}, one.words), el('p', { class: 'faint' }, where(one))));
+  const place = where(one);
+  return el('li', { class: 'finding' }, pill(W.check.severity[known], SEVERITY_TONE[known]), el('div', {}, el('p', {}, sentence(one.words)), place && el('p', { class: 'faint' }, place)));
 }
 
 function body(check, file, printer) {
@@ -46,7 +50,7 @@ function body(check, file, printer) {
     weighty.length > 0 && el('ul', { class: 'findings', 'aria-label': W.check.list }, weighty.map(finding)),
     total > weighty.length && weighty.length > 0 && el('p', { class: 'faint' }, W.check.more(total - weighty.length)),
     notes.length > 0 && el('details', notes.length <= OPEN_NOTES ? { open: true } : {}, el('summary', {}, W.check.notes(notes.length)), el('ul', { class: 'findings' }, notes.map(finding))),
-    el('p', { class: 'faint between' }, el('span', {}, Number.isFinite(check.seconds) ? W.check.seconds(number(check.seconds, 1)) : ''),
+    el('p', { class: 'faint between' }, el('span', {}, Number.isFinite(check.seconds) ? (check.seconds < 0.1 ? W.check.atOnce : W.check.seconds(number(check.seconds, 1))) : ''),
       el('a', { href: report, target: '_blank', rel: 'noopener', data: { key: 'report' } }, W.check.report)),
   ];
 }

@@ -8,6 +8,7 @@ import { W } from './words.js';
 import { jobAction, may, printerAction } from './api.js';
 import { store } from './live.js';
 import { asking, button } from './actions.js';
+import { sentence } from './format.js';
 
 /** Why a panel is of no use now, in words, or null. `busy` says what to tell while a job has the printer. */
 export function blocked(printer, busy = W.blocked.busy) {
@@ -40,8 +41,8 @@ export function controls(scope, id) {
     const act = (action) => () => printerAction(id, action);
     const idle = state === 'ready';
     return [
-      state === 'offline' && el('p', { class: 'reason' }, error ?? W.printer.offlineTells),
-      state === 'failed' && el('div', { class: 'box bad' }, error && el('p', {}, error), el('p', {}, W.printer.failedTells)),
+      (state === 'offline' || (state === 'connecting' && error)) && el('p', { class: 'reason' }, sentence(error) || W.printer.offlineTells),
+      state === 'failed' && el('div', { class: 'box bad' }, error && el('p', {}, sentence(error)), el('p', {}, W.printer.failedTells)),
       el('div', { class: 'row' },
         can.includes('pause') && button(W.printer.pause, act('pause'), { kind: 'main', key: 'pause' }),
         // While a plan waits for its yes, that panel has the buttons.

@@ -71,6 +71,9 @@ export function when(unixS) {
   return `${day}, ${clock(date)}`;
 }
 
+/** Words of the daemon, as a sentence of their own begins. */
+export const sentence = (words) => (words ? words[0].toUpperCase() + words.slice(1) : '');
+
 /** When it ends, if it goes on as it goes: to the minute, so that it does not tremble. */
 export function endsAt(leftS) {
   return known(leftS) ? when(Math.round((Date.now() / 1000 + leftS) / 60) * 60) : NONE;

@@ -7,6 +7,7 @@
 import { el, section } from './dom.js';
 import { W } from './words.js';
 import { store } from './live.js';
+import { theme } from './theme.js';
 
 /** Only the daemon's own addresses are shown: what came from elsewhere could be anybody's page. */
 const own = (url) => (typeof url === 'string' && url.startsWith('/api/v2/') ? url : null);
@@ -24,7 +25,11 @@ function picturesOf(id) {
   ].filter(Boolean);
 }
 
-function shown({ url, title, frame }) {
+/** A page of the viewer, told whether to be light or dark: it sees neither this page nor what was chosen on it. */
+const themed = (url) => `${url}${url.includes('?') ? '&' : '?'}theme=${theme()}`;
+
+function shown({ url: plain, title, frame }) {
+  const url = frame ? themed(plain) : plain;
   const picture = frame
     ? el('iframe', { src: url, title, sandbox: 'allow-scripts', loading: 'lazy', referrerpolicy: 'no-referrer' })
     : el('div', { class: 'paths' }, el('img', { src: url, alt: title, loading: 'lazy' }));
@@ -34,7 +39,7 @@ function shown({ url, title, frame }) {
 export function picturePanel(scope, id) {
   let chosen = 0;
   // The frame is drawn anew only when there are other pictures, or it would load and lose its view with each word.
-  return section(W.job.picture, { cls: 'picture' }, scope.part(() => picturesOf(id), (pictures) => {
+  return section(W.job.picture, { cls: 'picture' }, scope.part(() => picturesOf(id), (pictures, inner) => {
     if (!pictures.length) return el('p', { class: 'faint' }, W.job.pictureNone);
     chosen = 0;
     const place = el('div', {});
@@ -43,6 +48,7 @@ export function picturePanel(scope, id) {
       place.replaceChildren(...shown(pictures[k]));
     };
     choose(chosen);
+    inner.on(window, 'outrigger-theme', () => { if (pictures[chosen].frame) choose(chosen); });
     const choice = el('div', { class: 'segments', role: 'radiogroup', 'aria-label': W.job.whichPicture }, pictures.map(({ name }, k) => el('label', {},
       el('input', { type: 'radio', name: `picture-${id}`, checked: k === chosen, on: { change: () => choose(k) } }), el('span', {}, name))));
     return [pictures.length > 1 && choice, place];

@@ -61,9 +61,9 @@ export function facts(scope, id, { full = false } = {}) {
   const of = (a, b) => (b ? W.facts.of(number(a), number(b)) : number(a));
   const list = [
     [W.facts.layer, running, (p) => of(p.progress.layer, p.progress.layers)],
-    [W.facts.z, running, (p) => mm(p.progress.z_mm)],
-    [W.facts.left, running, (p) => span(p.progress.left_s)],
-    [W.facts.ends, running, (p) => endsAt(p.progress.left_s)],
+    [W.facts.z, (p) => Number.isFinite(running(p)?.z_mm), (p) => mm(p.progress.z_mm)],
+    [W.facts.left, (p) => Number.isFinite(running(p)?.left_s), (p) => span(p.progress.left_s)],
+    [W.facts.ends, (p) => Number.isFinite(running(p)?.left_s), (p) => endsAt(p.progress.left_s)],
     full && [W.facts.elapsed, running, (p) => span(p.progress.elapsed_s)],
     full && [W.facts.line, running, (p) => of(p.progress.line, p.progress.lines)],
     [W.facts.nozzle, (p) => p.temperatures?.nozzle, (p) => heater(p.temperatures.nozzle)],

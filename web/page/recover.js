@@ -7,14 +7,15 @@ import { el } from './dom.js';
 import { W } from './words.js';
 import { jobAction, may, printerAction } from './api.js';
 import { asking, button } from './actions.js';
-import { mm, number } from './format.js';
+import { mm, number, sentence } from './format.js';
 
 export function brokenOff(job, printer) {
   const at = printer?.job === job.id ? printer.progress : null;
-  const where = at ? W.recover.atLayer(number(at.layer), mm(at.z_mm)) : '';
+  const where = [Number.isFinite(at?.layer) && W.recover.atLayer(number(at.layer)), Number.isFinite(at?.z_mm) && W.recover.atZ(mm(at.z_mm))].filter(Boolean).join('');
   return el('section', { class: 'box warn', 'aria-label': W.recover.title },
     el('h2', {}, W.recover.title),
-    el('p', {}, W.recover.tells(job.name, where)), job.error && el('p', {}, job.error), el('p', {}, W.recover.before),
+    el('p', {}, W.recover.tells(job.name, where), ' ', job.error ? `${sentence(job.error)}.` : W.recover.why, ' ', job.can.includes('resume') && W.recover.kept),
+    job.can.includes('resume') && el('p', {}, W.recover.before),
     may('print') && job.can.includes('resume') && el('p', { class: 'faint' }, W.recover.goTells),
     may('print') && el('div', { class: 'row' },
       job.can.includes('resume') && button(W.recover.go, () => jobAction(job.id, 'resume'), { kind: 'main', key: `go ${job.id}` }),

@@ -1,6 +1,7 @@
 // Light and dark: as the system has it, or as chosen here.
 //
-// Takes: the system's wish, and what was kept. Gives: `data-theme` on the root element.
+// Takes: the system's wish, and what was kept. Gives: `data-theme` on the root element, and the event `outrigger-theme`
+// for what the style sheet does not reach.
 // Does not know: colours; those are the style sheet's.
 
 const KEY = 'outrigger-theme';
@@ -11,15 +12,23 @@ function kept() {
   try { return localStorage.getItem(KEY); } catch { return null; }
 }
 
+export const theme = () => document.documentElement.dataset.theme;
+
+function set(wanted) {
+  if (theme() === wanted) return;
+  document.documentElement.dataset.theme = wanted;
+  dispatchEvent(new Event('outrigger-theme'));
+}
+
 export function applyTheme() {
   const dark = kept() ? kept() === 'dark' : system.matches;
-  document.documentElement.dataset.theme = dark ? 'dark' : 'light';
+  set(dark ? 'dark' : 'light');
 }
 
 export function toggleTheme() {
-  const other = document.documentElement.dataset.theme === 'dark' ? 'light' : 'dark';
+  const other = theme() === 'dark' ? 'light' : 'dark';
   try { localStorage.setItem(KEY, other); } catch { /* It holds until the page is left. */ }
-  document.documentElement.dataset.theme = other;
+  set(other);
 }
 
 system.addEventListener('change', applyTheme);

@@ -33,7 +33,9 @@ function printOn(file) {
     tell(W.files.queued(file.name, store.printers.get(choice.value)?.name ?? choice.value));
     location.hash = `#/job/${encodeURIComponent(job.id)}`;
   };
-  return [printers.length > 1 ? choice : null, button(printers.length > 1 ? W.files.print : `${W.files.printOn} ${printers[0].name}`, print, { kind: 'main', 'aria-label': W.files.printLabel(file.name), key: `print ${file.id}` })];
+  // Its name begins with what is seen on it, so that who says what is seen presses it.
+  const words = printers.length > 1 ? W.files.print : `${W.files.printOn} ${printers[0].name}`;
+  return [printers.length > 1 ? choice : null, button(words, print, { kind: 'main', 'aria-label': `${words}: ${file.name}`, key: `print ${file.id}` })];
 }
 
 function row(scope, id) {

@@ -9,7 +9,7 @@ import { jobAction, may, printerAction } from './api.js';
 import { store } from './live.js';
 import { asking, button } from './actions.js';
 import { tell } from './notice.js';
-import { number, when } from './format.js';
+import { number, sentence, when } from './format.js';
 import { facts, jobPill, progressBar } from './progress.js';
 import { checkPanel } from './check.js';
 import { picturePanel } from './pictures.js';
@@ -79,7 +79,7 @@ function statePanel(scope, id) {
   const bar = el('div', {}, progressBar(scope, job().printer), facts(scope, job().printer));
   scope.watch(() => has() && Boolean(store.printers.get(job().printer).progress), (running) => { bar.hidden = !running; });
   const words = scope.part(what, ({ state, state_words, waits_for, error, plan: awaited }) => [
-    el('p', { class: 'large' }, state_words || W.jobState[state]?.[1] || state),
+    el('p', { class: 'large' }, sentence(state_words) || W.jobState[state]?.[1] || state),
     state_words && W.jobState[state] && !DECIDED_ELSEWHERE.includes(state) && el('p', { class: 'faint' }, W.jobState[state][1]),
     waits_for && !DECIDED_ELSEWHERE.includes(state) && el('p', {}, W.job.waitsFor(waits_for)),
     error && state !== 'interrupted' && el('div', { class: 'box bad' }, el('h2', {}, W.job.error), el('p', {}, error), W.jobTodo[state] && el('p', {}, el('strong', {}, `${W.job.todo}: `), W.jobTodo[state])),

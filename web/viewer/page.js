@@ -1,5 +1,13 @@
 'use strict';
-// What the pages share: when they paint, and keys.
+// What the pages share: what the page around them wishes, when they paint, and keys.
+
+// A page that shows this one in a frame says `?theme=dark` or `light`: no storage is shared with it. What is chosen here
+// goes before it; a page from a file is asked for by no such address.
+const wished = new URLSearchParams(location.search).get('theme');
+if (wished === 'dark' || wished === 'light') {
+  const themeOf = theme;
+  theme = (chosen) => themeOf(chosen ?? wished);
+}
 
 /** Paints before the next frame, once however often it is asked. */
 function oncePerFrame(paint) {

@@ -468,12 +468,13 @@ fn corpus() -> Vec<(String, Vec<u8>)> {
     files.iter().map(|path| (name(path), std::fs::read(path).unwrap())).collect()
 }
 
-/// Every file of the corpus stands on what is below it.
+/// Every file of the corpus stands on what is below it, but for the lamp that hangs.
 #[test]
 fn the_corpus_stands() {
     for (name, text) in corpus() {
         let layers = layers(&text);
-        assert_eq!(begins(&layers), NONE, "{name}");
+        let hangs: &[u32] = if name == "lamp.gcode" { &[10] } else { &NONE };
+        assert_eq!(begins(&layers), hangs, "{name}");
         assert!((10..=50).contains(&layers.len()), "{name}: {}", layers.len());
     }
 }

@@ -115,6 +115,13 @@ pub(crate) struct Handle {
 }
 
 impl Handle {
+    /// A handle whose orders somebody else takes.
+    #[cfg(test)]
+    pub(crate) fn fake() -> (Self, mpsc::Receiver<Order>) {
+        let (orders, taken) = mpsc::channel(MAX_ORDERS);
+        (Self { orders, board: Arc::new(Board::default()) }, taken)
+    }
+
     /// Gives an order; `false`: it cannot be taken now (too many wait, or the actor is gone).
     pub(crate) fn give(&self, order: Order) -> bool {
         self.orders.try_send(order).is_ok()

@@ -40,7 +40,11 @@ pub(super) fn told(at: &At, status: Status) -> Value {
 ///
 /// # Errors
 /// Who asks may not, or it cannot be.
-pub(super) async fn call(asked: &Asked, method: &Method, params: &Map<String, Value>) -> Result<Value, Fault> {
+pub(super) async fn call(
+    asked: &Asked,
+    method: &Method,
+    params: &Map<String, Value>,
+) -> Result<Value, Fault> {
     let Asked { at, who } = asked;
     who.require(method.scope)?;
     let optional = |name: &str| params.get(name).and_then(Value::as_str);

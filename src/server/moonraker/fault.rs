@@ -1,13 +1,16 @@
 //! Errors in Moonraker's form, over HTTP and over the socket, and who may ask.
+use crate::server::api::live::same_origin;
 use crate::server::app::App;
 use crate::server::asker::Who;
+use crate::server::auth::Scope;
 use crate::server::octoprint::asked::{Asked, At};
 use crate::server::problem::Problem;
 use axum::Json;
-use axum::extract::FromRequestParts;
+use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -61,7 +64,8 @@ impl IntoResponse for Fault {
         let mut response = (self.status, Json(told)).into_response();
         let headers = response.headers_mut();
         if self.status == StatusCode::UNAUTHORIZED {
-            headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"Printer API\""));
+            headers
+                .insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"Printer API\""));
         }
         if let Some(seconds) = self.retry_after_s {
             headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
@@ -80,5 +84,38 @@ impl FromRequestParts<Arc<App>> for Caller {
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, Fault> {
         let who = Who::from_request_parts(parts, app).await?;
         Ok(Self(Asked { at: At::of(parts, app).await?, who }))
+    }
+}
+
+/// Somebody who may read: by a key, by a session, or by a token that opens this socket.
+pub(super) struct Viewer(pub(super) Asked);
+
+#[derive(Deserialize)]
+struct Token {
+    token: Option<String>,
+}
+
+impl FromRequestParts<Arc<App>> for Viewer {
+    type Rejection = Fault;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, Fault> {
+        let token = Query::<Token>::try_from_uri(&parts.uri).ok().and_then(|Query(query)| query.token);
+        let asked = match token {
+            Some(token) => {
+                let wrong = || Fault::new(StatusCode::UNAUTHORIZED, "the token is wrong, spent or too old");
+                let who = app.oneshots.spend(&token).ok_or_else(wrong)?;
+                Asked { at: At::of(parts, app).await?, who }
+            }
+            None => Caller::from_request_parts(parts, app).await?.0,
+        };
+        asked.who.require(Scope::Read)?;
+        // A browser sends a session's cookie along whichever page opens the socket.
+        match same_origin(&parts.headers) {
+            true => Ok(Self(asked)),
+            false => Err(Fault::new(
+                StatusCode::FORBIDDEN,
+                "this page may not listen here: it came from elsewhere",
+            )),
+        }
     }
 }

@@ -98,9 +98,7 @@ pub(super) async fn delete(at: &At, path: &str) -> Result<Value, Fault> {
 
 pub(super) fn list(at: &At, root: Option<&str>) -> Result<Value, Fault> {
     is_root(root)?;
-    let one = |file: &File| {
-        json!({"path": file.name, "modified": file.uploaded_unix_s as f64, "size": file.bytes, "permissions": "rw"})
-    };
+    let one = |file: &File| json!({"path": file.name, "modified": file.uploaded_unix_s as f64, "size": file.bytes, "permissions": "rw"});
     Ok(newest(&at.app).iter().map(one).collect())
 }
 
@@ -109,9 +107,7 @@ pub(super) fn directory(at: &At, path: Option<&str>) -> Result<Value, Fault> {
     let files = newest(&at.app);
     let used: u64 = files.iter().map(|file| file.bytes).sum();
     let free = at.app.shelf.free_bytes().unwrap_or(0);
-    let one = |file: &File| {
-        json!({"filename": file.name, "modified": file.uploaded_unix_s as f64, "size": file.bytes, "permissions": "rw"})
-    };
+    let one = |file: &File| json!({"filename": file.name, "modified": file.uploaded_unix_s as f64, "size": file.bytes, "permissions": "rw"});
     Ok(json!({
         "dirs": [],
         "files": files.iter().map(one).collect::<Vec<_>>(),

@@ -96,7 +96,9 @@ pub(super) fn system_stats() -> Value {
 pub(super) fn temperature_store(at: &At) -> Value {
     let samples = at.station().handle.board.samples();
     let column = |column: usize| -> Vec<f64> {
-        let each = |sample: &[f64; 5]| std::iter::repeat_n(sample[column], crate::server::actor::board::SAMPLE_S as usize);
+        let each = |sample: &[f64; 5]| {
+            std::iter::repeat_n(sample[column], crate::server::actor::board::SAMPLE_S as usize)
+        };
         samples.iter().flat_map(each).collect()
     };
     let heater = |actual, target| {

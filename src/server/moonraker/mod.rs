@@ -160,10 +160,14 @@ mod tests {
 
     #[test]
     fn objects_are_named_in_the_address() {
-        let query = |pairs: &[(&str, &str)]| pairs.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect();
+        let query =
+            |pairs: &[(&str, &str)]| pairs.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect();
         let objects = method("printer.objects.query").unwrap();
         let got = params(objects, query(&[("print_stats", "state,message"), ("webhooks", "")]), b"").unwrap();
-        assert_eq!(Value::Object(got), json!({"objects": {"print_stats": ["state", "message"], "webhooks": null}}));
+        assert_eq!(
+            Value::Object(got),
+            json!({"objects": {"print_stats": ["state", "message"], "webhooks": null}})
+        );
         let start = method("printer.print.start").unwrap();
         let got = params(start, query(&[("filename", "a.gcode")]), b"").unwrap();
         assert_eq!(Value::Object(got), json!({"filename": "a.gcode"}));
@@ -172,7 +176,8 @@ mod tests {
 
     #[test]
     fn what_changes_something_is_never_asked_for_by_get() {
-        let reads = |method: &Method| matches!(method.scope, Scope::Read) || method.name == "server.gcode_store";
+        let reads =
+            |method: &Method| matches!(method.scope, Scope::Read) || method.name == "server.gcode_store";
         for method in METHODS {
             assert!(reads(method) || matches!(method.http, Http::Post | Http::No), "{}", method.name);
         }

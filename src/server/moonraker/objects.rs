@@ -33,7 +33,8 @@ fn print_state(now: &Now) -> (&'static str, String, String) {
     };
     match (&now.job, &now.next, &now.last) {
         (Some(job), _, _) => {
-            let paused = matches!(job.state, Stage::Paused | Stage::Asking | Stage::Lost | Stage::Interrupted);
+            let paused =
+                matches!(job.state, Stage::Paused | Stage::Asking | Stage::Lost | Stage::Interrupted);
             (if paused { "paused" } else { "printing" }, words(job), job.name.clone())
         }
         (None, Some(job), _) => ("standby", words(job), String::new()),
@@ -76,40 +77,58 @@ pub(super) fn all(now: &Now, size: u64) -> Status {
     let mut all = Map::new();
     let mut object = |name: &str, value: Value| drop(all.insert(name.to_owned(), value));
     object("webhooks", json!({"state": klippy, "state_message": klippy_words}));
-    object("print_stats", json!({
-        "state": state,
-        "filename": name,
-        "message": message,
-        "print_duration": printed_s,
-        "total_duration": printed_s,
-        "filament_used": 0.0,
-        "info": {"total_layer": layer(at.layers), "current_layer": layer(at.layer)},
-    }));
-    object("display_status", json!({"progress": fraction, "message": (!message.is_empty()).then_some(&message)}));
-    object("virtual_sdcard", json!({
-        "progress": fraction,
-        "file_position": (fraction * size as f64) as u64,
-        "file_size": size,
-        "is_active": state == "printing",
-        "file_path": (!name.is_empty()).then_some(&name),
-    }));
-    object("toolhead", json!({
-        "position": position,
-        "homed_axes": if running { "xyz" } else { "" },
-        "extruder": "extruder",
-        "print_time": printed_s,
-        "axis_minimum": [0.0, 0.0, 0.0, 0.0],
-        "axis_maximum": [now.printer.bed_mm.x, now.printer.bed_mm.y, now.printer.bed_mm.z, 0.0],
-    }));
-    object("gcode_move", json!({
-        "speed": 0.0,
-        "speed_factor": 1.0,
-        "extrude_factor": 1.0,
-        "absolute_coordinates": true,
-        "position": position,
-        "gcode_position": position,
-    }));
-    object("motion_report", json!({"live_position": position, "live_velocity": 0.0, "live_extruder_velocity": 0.0}));
+    object(
+        "print_stats",
+        json!({
+            "state": state,
+            "filename": name,
+            "message": message,
+            "print_duration": printed_s,
+            "total_duration": printed_s,
+            "filament_used": 0.0,
+            "info": {"total_layer": layer(at.layers), "current_layer": layer(at.layer)},
+        }),
+    );
+    object(
+        "display_status",
+        json!({"progress": fraction, "message": (!message.is_empty()).then_some(&message)}),
+    );
+    object(
+        "virtual_sdcard",
+        json!({
+            "progress": fraction,
+            "file_position": (fraction * size as f64) as u64,
+            "file_size": size,
+            "is_active": state == "printing",
+            "file_path": (!name.is_empty()).then_some(&name),
+        }),
+    );
+    object(
+        "toolhead",
+        json!({
+            "position": position,
+            "homed_axes": if running { "xyz" } else { "" },
+            "extruder": "extruder",
+            "print_time": printed_s,
+            "axis_minimum": [0.0, 0.0, 0.0, 0.0],
+            "axis_maximum": [now.printer.bed_mm.x, now.printer.bed_mm.y, now.printer.bed_mm.z, 0.0],
+        }),
+    );
+    object(
+        "gcode_move",
+        json!({
+            "speed": 0.0,
+            "speed_factor": 1.0,
+            "extrude_factor": 1.0,
+            "absolute_coordinates": true,
+            "position": position,
+            "gcode_position": position,
+        }),
+    );
+    object(
+        "motion_report",
+        json!({"live_position": position, "live_velocity": 0.0, "live_extruder_velocity": 0.0}),
+    );
     object("extruder", heater(heat.nozzle));
     if now.printer.limits.bed_c > 0.0 {
         object("heater_bed", heater(heat.bed));
@@ -117,7 +136,10 @@ pub(super) fn all(now: &Now, size: u64) -> Status {
     if heat.chamber.is_some() {
         object("temperature_sensor chamber", heater(heat.chamber));
     }
-    object("idle_timeout", json!({"state": if running { "Printing" } else { "Ready" }, "printing_time": printed_s}));
+    object(
+        "idle_timeout",
+        json!({"state": if running { "Printing" } else { "Ready" }, "printing_time": printed_s}),
+    );
     object("pause_resume", json!({"is_paused": state == "paused"}));
     object("system_stats", system_stats());
     all
@@ -144,9 +166,11 @@ impl Wanted {
         let pick = |(name, fields): &(String, Option<Vec<String>>)| {
             let object = all.get(name)?;
             let picked = match (fields, object) {
-                (Some(fields), Value::Object(object)) => {
-                    object.iter().filter(|(field, _)| fields.contains(field)).map(|(f, v)| (f.clone(), v.clone())).collect()
-                }
+                (Some(fields), Value::Object(object)) => object
+                    .iter()
+                    .filter(|(field, _)| fields.contains(field))
+                    .map(|(f, v)| (f.clone(), v.clone()))
+                    .collect(),
                 _ => object.clone(),
             };
             Some((name.clone(), picked))

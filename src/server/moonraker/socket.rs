@@ -5,21 +5,19 @@
 //! that takes nothing is gone; it holds up nobody. Bounded: sockets, a message, what is remembered of a
 //! subscription.
 use super::call::{call, status, told};
-use super::fault::{Caller, Fault};
+use super::fault::{Fault, Viewer};
 use super::files::{ROOT, item};
 use super::host::{Counted, MAX_SOCKETS, event_time};
 use super::method;
 use super::objects::{Status, Wanted, changed, klippy};
-use crate::server::api::live::{PING, STUCK, TICK, same_origin};
+use crate::server::api::live::{PING, STUCK, TICK};
 use crate::server::app::App;
 use crate::server::asker::Who;
 use crate::server::auth::Scope;
 use crate::server::foreman::view::News;
-use crate::server::octoprint::asked::{Asked, At};
+use crate::server::octoprint::asked::Asked;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::extract::{FromRequestParts, Query};
 use axum::http::StatusCode;
-use axum::http::request::Parts;
 use axum::response::Response;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
@@ -31,36 +29,6 @@ use tokio::time::{Instant, interval, timeout};
 /// Largest message of a client, bytes.
 const MAX_HEARD_BYTES: usize = 64 << 10;
 
-/// Somebody who may read: by a key, by a session, or by a token that opens this socket.
-pub(super) struct Viewer(Asked);
-
-#[derive(Deserialize)]
-struct Token {
-    token: Option<String>,
-}
-
-impl FromRequestParts<Arc<App>> for Viewer {
-    type Rejection = Fault;
-
-    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, Fault> {
-        let token = Query::<Token>::try_from_uri(&parts.uri).ok().and_then(|Query(query)| query.token);
-        let asked = match token {
-            Some(token) => {
-                let wrong = || Fault::new(StatusCode::UNAUTHORIZED, "the token is wrong, spent or too old");
-                let who = app.oneshots.spend(&token).ok_or_else(wrong)?;
-                Asked { at: At::of(parts, app).await?, who }
-            }
-            None => Caller::from_request_parts(parts, app).await?.0,
-        };
-        asked.who.require(Scope::Read)?;
-        // A browser sends a session's cookie along whichever page opens the socket.
-        match same_origin(&parts.headers) {
-            true => Ok(Self(asked)),
-            false => Err(Fault::new(StatusCode::FORBIDDEN, "this page may not listen here: it came from elsewhere")),
-        }
-    }
-}
-
 /// Opens it.
 pub(super) async fn open(Viewer(asked): Viewer, upgrade: WebSocketUpgrade) -> Result<Response, Fault> {
     let counted = Counted::new().ok_or_else(|| {
@@ -69,7 +37,8 @@ pub(super) async fn open(Viewer(asked): Viewer, upgrade: WebSocketUpgrade) -> Re
     Ok(upgrade.max_message_size(MAX_HEARD_BYTES).on_upgrade(move |socket| {
         let files = names(&asked.at.app);
         let klippy = klippy(&asked.at.now()).0;
-        Talk { socket, asked, counted, wanted: Wanted::default(), told: Map::new(), klippy, files, fresh: 0 }.talk()
+        Talk { socket, asked, counted, wanted: Wanted::default(), told: Map::new(), klippy, files, fresh: 0 }
+            .talk()
     }))
 }
 
@@ -264,7 +233,8 @@ impl Talk {
             Err(_) => Err((Value::Null, Fault::rpc(-32700, "Parse error"))),
             Ok(value) => {
                 let id = value.get("id").cloned().unwrap_or_default();
-                serde_json::from_value::<Request>(value).map_err(|_| (id, Fault::rpc(-32600, "Invalid Request")))
+                serde_json::from_value::<Request>(value)
+                    .map_err(|_| (id, Fault::rpc(-32600, "Invalid Request")))
             }
         };
         let (id, answer) = match request {
@@ -293,7 +263,9 @@ impl Talk {
                 Ok(told(&self.asked.at, self.told.clone()))
             }
             // Of the same moment as what was told just now.
-            "printer.objects.query" => Ok(told(&self.asked.at, Wanted::of(params.get("objects"), &all).pick(&all))),
+            "printer.objects.query" => {
+                Ok(told(&self.asked.at, Wanted::of(params.get("objects"), &all).pick(&all)))
+            }
             name => call(&self.asked, method(name)?, params).await,
         }
     }

@@ -36,7 +36,9 @@ async fn ask(Anybody(at): Anybody, Whence(source): Whence, body: Bytes) -> Resul
     // Too many wait, mostly; or nothing is left of its name.
     let (request, token) = asked.map_err(|why| Problem::new(Kind::RateLimited, why.to_string()))?;
     tracing::info!(request = request.id, app = %request.app, "an application asks for a key");
-    at.app.view.tell(Scope::Admin, || json!({"type": "key_request", "id": request.id, "app": request.app.as_str()}));
+    at.app
+        .view
+        .tell(Scope::Admin, || json!({"type": "key_request", "id": request.id, "app": request.app.as_str()}));
     let location = format!("{}/plugin/appkeys/request/{}", at.base(), token.reveal());
     let told = json!({"app_token": token.reveal(), "auth_dialog": format!("{}/#/settings", at.origin)});
     Ok(created(&location, told))
@@ -50,7 +52,9 @@ struct Token {
 async fn poll(Anybody(at): Anybody, Path(Token { token }): Path<Token>) -> Result<Response, Plain> {
     let answer = at.app.auth.with(|auth, now| auth.poll_key(&token, now));
     match answer.map_err(|why| Problem::new(Kind::NotFound, why.to_string()))? {
-        AppAnswer::Pending => Ok((StatusCode::ACCEPTED, Json(json!({"message": "Awaiting decision"}))).into_response()),
+        AppAnswer::Pending => {
+            Ok((StatusCode::ACCEPTED, Json(json!({"message": "Awaiting decision"}))).into_response())
+        }
         AppAnswer::Key(key) => {
             // What is not on the medium is gone with the next start: no client shall rely on it.
             at.app.auth.keep().await?;

@@ -76,7 +76,10 @@ async fn one(Read(Asked { at, .. }): Read, Path(Named { name }): Path<Named>) ->
     Ok(Json(entry(&at, &at.file(&name)?)))
 }
 
-async fn download(Read(Asked { at, .. }): Read, Path(Named { name }): Path<Named>) -> Result<Response, Plain> {
+async fn download(
+    Read(Asked { at, .. }): Read,
+    Path(Named { name }): Path<Named>,
+) -> Result<Response, Plain> {
     Ok(attachment(&at.app, &at.file(&name)?).await?)
 }
 
@@ -131,7 +134,10 @@ async fn command(
     Ok(StatusCode::NO_CONTENT)
 }
 
-async fn remove(Print(Asked { at, .. }): Print, Path(Named { name }): Path<Named>) -> Result<StatusCode, Plain> {
+async fn remove(
+    Print(Asked { at, .. }): Print,
+    Path(Named { name }): Path<Named>,
+) -> Result<StatusCode, Plain> {
     at.remove(&name).await?;
     Ok(StatusCode::NO_CONTENT)
 }

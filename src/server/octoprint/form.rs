@@ -37,7 +37,11 @@ impl Form {
     ///
     /// # Errors
     /// It is none, lacks its file, is too large, or the name or the disk refuses.
-    pub(crate) async fn read(app: &App, request: Request, free: impl Fn(&str) -> Result<(), Problem>) -> Result<Self, Problem> {
+    pub(crate) async fn read(
+        app: &App,
+        request: Request,
+        free: impl Fn(&str) -> Result<(), Problem>,
+    ) -> Result<Self, Problem> {
         let mut form = Multipart::from_request(request, &()).await.map_err(|e| {
             Problem::new(Kind::Unsupported, format!("a file comes as multipart/form-data: {}", e.body_text()))
         })?;
@@ -50,7 +54,11 @@ impl Form {
         }
     }
 
-    async fn parts(app: &App, form: &mut Multipart, free: impl Fn(&str) -> Result<(), Problem>) -> Result<Self, Problem> {
+    async fn parts(
+        app: &App,
+        form: &mut Multipart,
+        free: impl Fn(&str) -> Result<(), Problem>,
+    ) -> Result<Self, Problem> {
         let (mut file, mut fields) = (None, BTreeMap::new());
         for _ in 0..MAX_PARTS {
             let Some(part) = form.next_field().await.map_err(|e| Problem::bad(e.body_text()))? else {
@@ -79,7 +87,8 @@ impl Form {
 
     /// Whether a field says yes.
     pub(crate) fn says(&self, name: &str) -> bool {
-        self.field(name).is_some_and(|text| ["true", "yes", "1", "on"].contains(&text.to_ascii_lowercase().as_str()))
+        self.field(name)
+            .is_some_and(|text| ["true", "yes", "1", "on"].contains(&text.to_ascii_lowercase().as_str()))
     }
 }
 
@@ -117,7 +126,13 @@ async fn drain(form: &mut Multipart, most_bytes: u64) {
 ///
 /// # Errors
 /// The disk or the foreman refuses.
-pub(crate) async fn kept(at: &At, who: &Who, upload: Upload, name: String, print: bool) -> Result<(File, Option<Job>), Problem> {
+pub(crate) async fn kept(
+    at: &At,
+    who: &Who,
+    upload: Upload,
+    name: String,
+    print: bool,
+) -> Result<(File, Option<Job>), Problem> {
     let file = keep(&at.app, upload, name, who.name(), Some(at.id().to_owned())).await?;
     if !print {
         return Ok((file, None));

@@ -110,7 +110,8 @@ fn progress(now: &Now, job: Option<&Job>) -> Value {
     match (job, now.printer.progress) {
         (Some(_), Some(at)) if !over => told(Some(at.fraction * 100.0), Some(at.elapsed_s), at.left_s),
         (Some(job), _) if job.state == Stage::Finished => {
-            let printed_s = job.ended_unix_s.zip(job.started_unix_s).map(|(end, start)| end.saturating_sub(start));
+            let printed_s =
+                job.ended_unix_s.zip(job.started_unix_s).map(|(end, start)| end.saturating_sub(start));
             told(Some(100.0), printed_s.map(|s| s as f64), Some(0.0))
         }
         _ => told(None, None, None),

@@ -33,7 +33,8 @@ impl IntoResponse for Plain {
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
         if problem.kind == Kind::Unauthenticated {
-            headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"Printer API\""));
+            headers
+                .insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"Printer API\""));
         }
         if let Some(seconds) = problem.retry_after_s {
             headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
@@ -47,8 +48,13 @@ async fn asked(parts: &mut Parts, app: &Arc<App>, scope: Scope) -> Result<Asked,
     let who = match Who::from_request_parts(parts, app).await {
         Err(problem) if problem.kind == Kind::Unauthenticated => {
             return Err(Plain(match key(&parts.headers) {
-                Some(_) => Problem::new(Kind::Forbidden, "this API key is wrong, or was withdrawn: make one on the page"),
-                None => Problem::new(Kind::Unauthenticated, "give an API key (X-Api-Key): make one on the page"),
+                Some(_) => Problem::new(
+                    Kind::Forbidden,
+                    "this API key is wrong, or was withdrawn: make one on the page",
+                ),
+                None => {
+                    Problem::new(Kind::Unauthenticated, "give an API key (X-Api-Key): make one on the page")
+                }
             }));
         }
         who => who?,
@@ -97,7 +103,8 @@ impl FromRequestParts<Arc<App>> for Anybody {
 /// # Errors
 /// It is none, or another one.
 pub(super) fn json<T: DeserializeOwned>(body: &[u8]) -> Result<T, Plain> {
-    serde_json::from_slice(body).map_err(|e| Plain(Problem::bad(format!("the body is not the JSON that goes here: {e}"))))
+    serde_json::from_slice(body)
+        .map_err(|e| Plain(Problem::bad(format!("the body is not the JSON that goes here: {e}"))))
 }
 
 /// A text as a part of an address: only what RFC 3986 calls unreserved stays as it is.

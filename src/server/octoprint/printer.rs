@@ -168,7 +168,9 @@ async fn set_tool(Control(Asked { at, .. }): Control, body: Bytes) -> Result<Sta
         return Err(bad("there is one tool: tool0"));
     }
     let commands = match wanted.command.as_str() {
-        "target" => Hot { nozzle_c: wanted.targets.get("tool0").copied(), bed_c: None }.commands(at.station())?,
+        "target" => {
+            Hot { nozzle_c: wanted.targets.get("tool0").copied(), bed_c: None }.commands(at.station())?
+        }
         "select" => Vec::new(),
         "flowrate" => vec![format!("M221 S{:.0}", per_cent(wanted.factor)?)],
         "extrude" => match wanted.amount {
@@ -200,9 +202,14 @@ async fn print_head(Control(Asked { at, .. }): Control, body: Bytes) -> Result<S
     let wanted: Wanted = json(&body)?;
     let commands = match wanted.command.as_str() {
         "jog" if wanted.absolute => return Err(bad("only relative jogs are taken")),
-        "jog" => {
-            Jog { x_mm: wanted.x, y_mm: wanted.y, z_mm: wanted.z, feed_mm_min: wanted.speed, home: Vec::new() }.commands()?
+        "jog" => Jog {
+            x_mm: wanted.x,
+            y_mm: wanted.y,
+            z_mm: wanted.z,
+            feed_mm_min: wanted.speed,
+            home: Vec::new(),
         }
+        .commands()?,
         "home" if wanted.axes.is_empty() => return Err(bad("say `axes`: some of x, y, z")),
         "home" => Jog { home: wanted.axes, ..Jog::default() }.commands()?,
         "feedrate" => vec![format!("M220 S{:.0}", per_cent(wanted.factor)?)],
