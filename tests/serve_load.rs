@@ -234,8 +234,13 @@ fn viewers_and_uploads_do_not_disturb_the_printer() {
     });
     let share = |stats: &Value| stats["planner_empty_share"].as_f64().unwrap();
     let (quiet, loaded) = (share(&quiet), share(&loaded));
-    eprintln!("planner empty {quiet:.4} without load, {loaded:.4} with it; uploads {uploaded_s:.1} s; peak {peak:.1} MB");
-    assert!(loaded <= quiet + EMPTY_SHARE, "the planner was empty for {loaded:.3} of the time, else {quiet:.3}");
+    eprintln!(
+        "planner empty {quiet:.4} without load, {loaded:.4} with it; uploads {uploaded_s:.1} s; peak {peak:.1} MB"
+    );
+    assert!(
+        loaded <= quiet + EMPTY_SHARE,
+        "the planner was empty for {loaded:.3} of the time, else {quiet:.3}"
+    );
     assert!(peak < PEAK_MB, "{peak:.1} MB");
     assert!(uploaded_s < Duration::from_secs(30).as_secs_f64(), "uploads took {uploaded_s:.1} s");
 }
@@ -243,7 +248,10 @@ fn viewers_and_uploads_do_not_disturb_the_printer() {
 /// Sockets that a process has.
 fn sockets(pid: u32) -> usize {
     let fds = std::fs::read_dir(format!("/proc/{pid}/fd")).unwrap();
-    fds.flatten().filter_map(|fd| std::fs::read_link(fd.path()).ok()).filter(|to| to.starts_with("socket:")).count()
+    fds.flatten()
+        .filter_map(|fd| std::fs::read_link(fd.path()).ok())
+        .filter(|to| to.starts_with("socket:"))
+        .count()
 }
 
 /// A viewer that takes nothing is let go at last, whatever is told meanwhile; another one hears all.

@@ -11,7 +11,6 @@ mod talk;
 #[cfg(test)]
 mod tests;
 
-use crate::station::escape::{printable, printable_to};
 use super::print::runtime;
 use super::serial::{Baud, rate};
 use crate::printer::find::{self, Connection, Places, Wanted};
@@ -19,6 +18,7 @@ use crate::printer::lines::MAX_REPLY_LEN;
 use crate::printer::port::{Moved, OpenMode, Port, PortError};
 use crate::printer::session::DEFAULT_BOOT_WAIT_MS;
 use crate::profile::load_printer;
+use crate::station::escape::{printable, printable_to};
 use anyhow::{anyhow, bail};
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;

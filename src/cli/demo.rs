@@ -16,7 +16,7 @@ use crate::server::config::{self, ClearBed, Config, OnFindings};
 use crate::server::daemon::{Daemon, Options};
 use crate::server::foreman::Message;
 use crate::server::model::{Can, CheckState, File, Job, Link, Stage};
-use crate::server::shelf::new_id;
+use crate::server::shelf::{new_id, random_hex};
 use crate::server::upload::{hex, sha256};
 use crate::station::now_unix_s;
 use anyhow::{Context, bail, ensure};
@@ -221,7 +221,7 @@ fn configuration(port: &str, profile: &Profile) -> Config {
 
 /// Somebody who can log in, with a password that nobody knows yet.
 async fn user(app: &App) -> anyhow::Result<String> {
-    let password = new_id('d').context("no password can be made")?[1..13].to_owned();
+    let password = random_hex().context("no password can be made")?;
     let hash = PasswordHash::of(&password)?;
     let name = Name::new(PRINTER)?;
     app.auth.with(|auth, now| match auth.needs_first_user() {
@@ -331,7 +331,9 @@ async fn go(app: &Arc<App>, folder: &Path) -> anyhow::Result<Vec<u8>> {
     let mended = stands(app, &job.id, Stage::Mended).await?;
     let mend = mended.mend.unwrap_or_default();
     say(&tell::mended(&mend.words));
-    say("   What was made was read again and holds; the page shows it. A person says yes\n   before the first print of a mended job: here the demo does.");
+    say(
+        "   What was made was read again and holds; the page shows it. A person says yes\n   before the first print of a mended job: here the demo does.",
+    );
 
     heading(4, "It is printed");
     act(app, &job.id, Can::Approve).await?;

@@ -7,11 +7,11 @@
 mod safe;
 mod watch;
 
-use crate::station::{Folder, guardian};
 use crate::job::disk::{Entry, JobId, Store, StoreError};
 use crate::job::record::Log;
 use crate::job::state::State;
 use crate::profile::load_printer;
+use crate::station::{Folder, guardian};
 use safe::Done;
 use std::collections::BTreeMap;
 use std::ffi::OsString;

@@ -1,10 +1,10 @@
 //! `outrigger ports`: the serial ports that there are, and which have a printer.
 use super::{print::runtime, say};
-use crate::station::escape::printable;
 use crate::printer::find::baud::{Verdict, rates};
 use crate::printer::find::{self, Found, Places, Usb};
 use crate::printer::port::{OpenMode, PortError};
 use crate::printer::session::DEFAULT_BOOT_WAIT_MS;
+use crate::station::escape::printable;
 use anyhow::bail;
 use serde_json::{Value, json};
 use std::io::ErrorKind;

@@ -165,7 +165,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         What::Key { name, scopes } => {
             let scopes: Vec<Scope> = scopes.iter().map(|scope| Scope::from(*scope)).collect();
-            let (_, secret) = auth.make_key(Name::new(name)?, ScopeSet::of(&scopes), "the command line", now)?;
+            let (_, secret) =
+                auth.make_key(Name::new(name)?, ScopeSet::of(&scopes), "the command line", now)?;
             words.push(secret.reveal().to_owned());
         }
         What::Revoke { id } => {

@@ -119,8 +119,10 @@ pub(crate) async fn once(State(app): State<Arc<App>>, request: Request, next: Ne
     let mut trying = Trying(&app.again, id, false);
     let (parts, body) = next.run(request).await.into_parts();
     let keeps = !parts.status.is_server_error()
-        && ![StatusCode::TOO_MANY_REQUESTS, StatusCode::UNAUTHORIZED, StatusCode::FORBIDDEN].contains(&parts.status);
-    let small = parts.headers.get(header::CONTENT_LENGTH).and_then(|n| n.to_str().ok()?.parse::<usize>().ok());
+        && ![StatusCode::TOO_MANY_REQUESTS, StatusCode::UNAUTHORIZED, StatusCode::FORBIDDEN]
+            .contains(&parts.status);
+    let small =
+        parts.headers.get(header::CONTENT_LENGTH).and_then(|n| n.to_str().ok()?.parse::<usize>().ok());
     if !keeps || small.is_some_and(|bytes| bytes > MAX_BYTES) {
         return Response::from_parts(parts, body);
     }
@@ -144,7 +146,8 @@ mod tests {
         assert!(matches!(again.look([1; 32]), Known::Running));
         drop(Trying(&again, [1; 32], false));
         assert!(matches!(again.look([1; 32]), Known::New));
-        let answer = Answer { status: StatusCode::CREATED, headers: HeaderMap::new(), body: Bytes::from_static(b"x") };
+        let answer =
+            Answer { status: StatusCode::CREATED, headers: HeaderMap::new(), body: Bytes::from_static(b"x") };
         again.answered([1; 32], Some(answer));
         let Known::Answered(answer) = again.look([1; 32]) else { panic!("not kept") };
         assert_eq!((answer.status, answer.body.as_ref()), (StatusCode::CREATED, &b"x"[..]));

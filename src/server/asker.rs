@@ -120,7 +120,12 @@ pub(crate) fn source(headers: &HeaderMap, peer: Option<&Peer>, app: &App) -> Sou
     let nowhere = SocketAddr::new(IpAddr::V4(Ipv4Addr::UNSPECIFIED), 0);
     let peer = peer.map_or(nowhere, |peer| peer.address);
     let all = |name: header::HeaderName| {
-        headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok()).map(str::to_owned).collect::<Vec<_>>()
+        headers
+            .get_all(name)
+            .into_iter()
+            .filter_map(|value| value.to_str().ok())
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
     };
     let forwarded_for = all(header::HeaderName::from_static("x-forwarded-for"));
     let forwarded = all(header::FORWARDED);
@@ -185,7 +190,10 @@ mod tests {
     use axum::http::HeaderValue;
 
     fn headers(pairs: &[(&'static str, &'static str)]) -> HeaderMap {
-        pairs.iter().map(|(name, value)| (header::HeaderName::from_static(name), HeaderValue::from_static(value))).collect()
+        pairs
+            .iter()
+            .map(|(name, value)| (header::HeaderName::from_static(name), HeaderValue::from_static(value)))
+            .collect()
     }
 
     #[test]

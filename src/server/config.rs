@@ -58,8 +58,16 @@ pub(crate) const KEYS: &[Key] = &[
         "Addresses and ports; before the first user is made (outrigger user add) only the loopback is listened on, whatever stands here",
     ),
     key("server.name", Text, "What the page and the network's discovery call this host"),
-    key("server.mdns", Flag, "Announce the daemon in the local network (_octoprint._tcp), so that slicers find it"),
-    key("server.tls_cert", Line(LINE_BYTES), "Certificate chain, PEM; with tls_key all connections are HTTPS"),
+    key(
+        "server.mdns",
+        Flag,
+        "Announce the daemon in the local network (_octoprint._tcp), so that slicers find it",
+    ),
+    key(
+        "server.tls_cert",
+        Line(LINE_BYTES),
+        "Certificate chain, PEM; with tls_key all connections are HTTPS",
+    ),
     key("server.tls_key", Line(LINE_BYTES), "The certificate's private key, PEM"),
     key(
         "server.trusted_proxies",
@@ -73,8 +81,16 @@ pub(crate) const KEYS: &[Key] = &[
         Line(LINE_BYTES),
         "The data folder; left out: $STATE_DIRECTORY (systemd), else $OUTRIGGER_STATE, else ~/.local/state/outrigger",
     ),
-    key("storage.keep_mb", Whole(10, 10_000_000), "Uploaded files are kept up to so many MB; then the oldest that no job needs go"),
-    key("storage.min_free_mb", Whole(0, 1_000_000), "Uploads are refused when less would be free on the disk, MB"),
+    key(
+        "storage.keep_mb",
+        Whole(10, 10_000_000),
+        "Uploaded files are kept up to so many MB; then the oldest that no job needs go",
+    ),
+    key(
+        "storage.min_free_mb",
+        Whole(0, 1_000_000),
+        "Uploads are refused when less would be free on the disk, MB",
+    ),
     key("check", Table, "How uploads are looked at; each in a process of its own"),
     key("check.memory_mb", Whole(64, 65_536), "Most memory that a check or a mending may take, MB"),
     key("check.timeout_s", Whole(5, 86_400), "Longest time that it may take, s"),
@@ -83,7 +99,11 @@ pub(crate) const KEYS: &[Key] = &[
     key("printer", Tables(MAX_PRINTERS), "A printer; one such table for each"),
     must("printer.id", Line(32), "Short name in addresses: letters, digits, - and _"),
     key("printer.name", Text, "What people call it; left out: its profile's title"),
-    must("printer.profile", Line(LINE_BYTES), "Its profile: a name of `outrigger profile list`, or the path of a file"),
+    must(
+        "printer.profile",
+        Line(LINE_BYTES),
+        "Its profile: a name of `outrigger profile list`, or the path of a file",
+    ),
     must(
         "printer.port",
         Line(LINE_BYTES),
@@ -95,15 +115,27 @@ pub(crate) const KEYS: &[Key] = &[
         OneOf(&["hold", "warn", "mend"]),
         "What happens to a job in which the check finds something: hold waits for a person, warn prints and tells, mend grows supports and waits for a yes on the picture",
     ),
-    key("printer.reorder", Flag, "Put the infill of each clean job into the order in which the head lifts least (proved to print the same)"),
+    key(
+        "printer.reorder",
+        Flag,
+        "Put the infill of each clean job into the order in which the head lifts least (proved to print the same)",
+    ),
     key(
         "printer.clear_bed",
         OneOf(&["ask", "assume"]),
         "ask: the next job waits until somebody has said that the bed is clear; assume: it starts at once",
     ),
-    key("printer.material", Line(LINE_BYTES), "The material in it, where jobs do not name theirs: a name of `outrigger profile list`"),
+    key(
+        "printer.material",
+        Line(LINE_BYTES),
+        "The material in it, where jobs do not name theirs: a name of `outrigger profile list`",
+    ),
     key("printer.macros", Flag, "Send the profile's start and end macros around each job"),
-    key("printer.idle_heater_timeout_s", Whole(60, 86_400), "Heaters that are on without a job go off after so long, s"),
+    key(
+        "printer.idle_heater_timeout_s",
+        Whole(60, 86_400),
+        "Heaters that are on without a job go off after so long, s",
+    ),
     key("printer.webcam_url", Line(LINE_BYTES), "A webcam's picture or stream, http(s)"),
 ];
 
@@ -312,7 +344,9 @@ impl Config {
     fn sound(&self) -> Result<(), ConfigError> {
         let wrong = |words: String| Err(ConfigError::Meaning(words));
         if self.server.tls_cert.is_some() != self.server.tls_key.is_some() {
-            return wrong("server.tls_cert and server.tls_key go together: one of them is missing".to_owned());
+            return wrong(
+                "server.tls_cert and server.tls_key go together: one of them is missing".to_owned(),
+            );
         }
         for (at, printer) in self.printers.iter().enumerate() {
             let id = &printer.id;
@@ -358,7 +392,8 @@ impl Config {
             false => (&self.printers[..], ""),
         };
         for printer in printers {
-            let value = toml::Value::try_from(printer).unwrap_or_else(|_| toml::Value::Table(toml::Table::new()));
+            let value =
+                toml::Value::try_from(printer).unwrap_or_else(|_| toml::Value::Table(toml::Table::new()));
             for key in KEYS {
                 match key.path.split_once('.') {
                     None if key.path == "printer" => out += &format!("\n# {}\n{mark}[[printer]]\n", key.doc),
@@ -421,7 +456,10 @@ mod tests {
     fn a_fault_is_told_with_its_line_and_the_nearest_name() {
         check("", "");
         check(PRINTER, "");
-        check("[server]\nlistne=['127.0.0.1:1']", "line 2: unknown key server.listne; did you mean server.listen?");
+        check(
+            "[server]\nlistne=['127.0.0.1:1']",
+            "line 2: unknown key server.listne; did you mean server.listen?",
+        );
         check("[servr]\n", "did you mean server?");
         check("[server]\nlisten=['localhost']", "line 2");
         check("[server]\ntls_cert='a'", "tls_key");
@@ -439,11 +477,16 @@ mod tests {
 
     #[test]
     fn what_is_printed_loads_as_the_same() {
-        let full = "[server]\nlisten=['127.0.0.1:1']\ntls_cert='/c'\ntls_key='/k'\ntrusted_proxies=['10.0.0.1']\n";
+        let full =
+            "[server]\nlisten=['127.0.0.1:1']\ntls_cert='/c'\ntls_key='/k'\ntrusted_proxies=['10.0.0.1']\n";
         for text in ["", PRINTER, full, &format!("{full}{PRINTER}baud=250000\nwebcam_url='http://c/x'\n")] {
             let config = Config::parse(text).unwrap();
             let printed = config.explain();
-            assert_eq!(Config::parse(&printed).unwrap_or_else(|e| panic!("{e}\n{printed}")), config, "{printed}");
+            assert_eq!(
+                Config::parse(&printed).unwrap_or_else(|e| panic!("{e}\n{printed}")),
+                config,
+                "{printed}"
+            );
             for key in KEYS.iter().filter(|key| key.path.contains('.')) {
                 let name = key.path.rsplit('.').next().unwrap();
                 assert!(printed.contains(&format!("{name} = ")), "{name} in\n{printed}");

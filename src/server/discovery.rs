@@ -18,7 +18,8 @@ pub(crate) struct Announced {
 pub(crate) fn announce(name: &str, port: u16, uuid: &str, model: &str) -> Result<Announced, String> {
     let told = |e: mdns_sd::Error| e.to_string();
     let daemon = ServiceDaemon::new().map_err(told)?;
-    let label: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    let label: String =
+        name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
     let host = format!("{}.local.", label.trim_matches('-'));
     let txt = [("path", "/"), ("version", "1.9.0"), ("api", "0.1"), ("model", model), ("uuid", uuid)];
     let info = ServiceInfo::new(SERVICE, name, &host, "", port, &txt[..]).map_err(told)?.enable_addr_auto();

@@ -33,7 +33,11 @@ fn told(path: &str) -> String {
 }
 
 /// The layer around all routes.
-pub(crate) async fn pass(State((app, policy)): State<(Arc<App>, HeaderValue)>, request: Request, next: Next) -> Response {
+pub(crate) async fn pass(
+    State((app, policy)): State<(Arc<App>, HeaderValue)>,
+    request: Request,
+    next: Next,
+) -> Response {
     let began = Instant::now();
     let from = source(request.headers(), request.extensions().get::<Peer>(), &app);
     let (method, path) = (request.method().clone(), told(request.uri().path()));

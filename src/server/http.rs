@@ -182,7 +182,8 @@ where
     let routes = routes.layer(axum::Extension(peer));
     let mut http = hyper::server::conn::http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(64 << 10);
-    let connection = http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(routes)).with_upgrades();
+    let connection =
+        http.serve_connection(TokioIo::new(stream), TowerToHyperService::new(routes)).with_upgrades();
     let mut connection = std::pin::pin!(connection);
     tokio::select! {
         done = connection.as_mut() => {

@@ -146,7 +146,12 @@ impl Inspector {
         let made = |what: &str| self.shelf.made(file, &of.printer, what);
         let (report, picture) = (made("check.json"), made("layers.html"));
         let mut verb: Vec<&OsStr> = vec!["check".as_ref(), "--quiet".as_ref()];
-        verb.extend::<[&OsStr; 4]>(["--json".as_ref(), report.as_ref(), "--picture".as_ref(), picture.as_ref()]);
+        verb.extend::<[&OsStr; 4]>([
+            "--json".as_ref(),
+            report.as_ref(),
+            "--picture".as_ref(),
+            picture.as_ref(),
+        ]);
         let resin = is_resin(&content);
         if !resin {
             verb.extend::<[&OsStr; 2]>(["--printer".as_ref(), of.profile.as_ref()]);
@@ -162,9 +167,8 @@ impl Inspector {
             return (if resin { Kind::Resin } else { Kind::Unknown }, failed);
         };
         let mut check = summary(&told);
-        check.picture = picture
-            .exists()
-            .then(|| format!("/api/v2/files/{file}/pictures/layers?printer={}", of.printer));
+        check.picture =
+            picture.exists().then(|| format!("/api/v2/files/{file}/pictures/layers?printer={}", of.printer));
         if of.reorder && !resin && check.state == CheckState::Clean {
             check.reordered = self.reorder(file, name, of);
         }
@@ -264,9 +268,8 @@ impl Inspector {
         }
         let _ = std::fs::remove_file(&out);
         let better = better.map(|words| format!("; {words}")).unwrap_or_default();
-        let address = |what: &str, path: &Path| {
-            path.exists().then(|| format!("/api/v2/jobs/{job}/pictures/{what}"))
-        };
+        let address =
+            |what: &str, path: &Path| path.exists().then(|| format!("/api/v2/jobs/{job}/pictures/{what}"));
         Ok(Mend {
             state: MendState::Done,
             words: format!("{grown}{better}{warns}"),
@@ -315,7 +318,8 @@ impl Inspector {
                 if self.stop.load(Ordering::Relaxed) {
                     ended_by_us = Some("the daemon ends".to_owned());
                 } else if began.elapsed() > self.limits.timeout() {
-                    ended_by_us = Some(format!("it took longer than {} s (check.timeout_s)", self.limits.timeout_s));
+                    ended_by_us =
+                        Some(format!("it took longer than {} s (check.timeout_s)", self.limits.timeout_s));
                 }
                 if let (Some(_), Some(pid)) = (&ended_by_us, pid) {
                     // Its temporary files go with it.
@@ -383,7 +387,12 @@ fn summary(told: &Value) -> Check {
         findings.push(piece(island, Severity::Stop, "island", "a piece begins in the air"));
     }
     for island in list("floating_supports") {
-        findings.push(piece(island, Severity::Look, "floating_support", "one of the slicer's own supports begins in the air"));
+        findings.push(piece(
+            island,
+            Severity::Look,
+            "floating_support",
+            "one of the slicer's own supports begins in the air",
+        ));
     }
     for amiss in told["printer"]["findings"].as_array().map_or(&[][..], Vec::as_slice) {
         let kind = amiss["kind"].as_str().unwrap_or("printer").to_owned();
@@ -405,7 +414,11 @@ fn summary(told: &Value) -> Check {
         findings.push(piece(region, severity, "overhang", "beads reach out too far over nothing"));
     }
     for warning in list("warnings").iter().filter_map(Value::as_str) {
-        findings.push(Finding { kind: "warning".to_owned(), words: warning.to_owned(), ..Finding::default() });
+        findings.push(Finding {
+            kind: "warning".to_owned(),
+            words: warning.to_owned(),
+            ..Finding::default()
+        });
     }
     findings.sort_by_key(|finding| finding.severity);
     // An island's first layer is an overhang as well: it is counted as what it is.
@@ -488,15 +501,21 @@ mod tests {
         check(&overhangs(&[3.0, 30.0]), CheckState::Found, &["overhang", "overhang"]);
         let island = json!({"islands": [region(1.0)], "warnings": ["x"]});
         check(&island, CheckState::Found, &["island", "warning"]);
-        let printer = |kind: &str| json!({"printer": {"findings": [{"kind": kind, "words": "w", "line": 7}]}});
+        let printer =
+            |kind: &str| json!({"printer": {"findings": [{"kind": kind, "words": "w", "line": 7}]}});
         check(&printer("outside_bed"), CheckState::Found, &["outside_bed"]);
         assert_eq!(summary(&printer("outside_bed")).findings[0].line, Some(7));
-        assert_eq!(summary(&overhangs(&[30.0])).findings[0].words.matches("Z 0.80 mm (layer 3, X 1 Y 2)").count(), 1);
+        assert_eq!(
+            summary(&overhangs(&[30.0])).findings[0].words.matches("Z 0.80 mm (layer 3, X 1 Y 2)").count(),
+            1
+        );
     }
 
     #[test]
     fn no_report_makes_it_panic() {
-        for odd in [json!(null), json!([]), json!({"islands": 3, "printer": [], "overhangs": "x", "warnings": [1]})] {
+        for odd in
+            [json!(null), json!([]), json!({"islands": 3, "printer": [], "overhangs": "x", "warnings": [1]})]
+        {
             check(&odd, CheckState::Clean, &[]);
         }
     }

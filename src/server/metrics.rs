@@ -55,7 +55,9 @@ pub(crate) async fn metrics(_: Read, State(app): State<Arc<App>>) -> Result<Resp
         let is = |yes: bool| f64::from(u8::from(yes));
         set(&up, of(None), is(matches!(now.link, Link::Ready | Link::Busy)));
         set(&busy, of(None), is(now.link == Link::Busy));
-        for (name, heater) in [("nozzle", now.heat.nozzle), ("bed", now.heat.bed), ("chamber", now.heat.chamber)] {
+        for (name, heater) in
+            [("nozzle", now.heat.nozzle), ("bed", now.heat.bed), ("chamber", now.heat.chamber)]
+        {
             if let Some(heater) = heater {
                 set(&heat, of(Some(("heater", name))), heater.actual_c.into());
                 set(&target, of(Some(("heater", name))), heater.target_c.into());
@@ -92,6 +94,11 @@ pub(crate) async fn metrics(_: Read, State(app): State<Arc<App>>) -> Result<Resp
 
 /// Memory that is in use, as the kernel counts it.
 pub(crate) fn resident_bytes() -> Option<u64> {
-    let pages: u64 = std::fs::read_to_string("/proc/self/statm").ok()?.split(' ').nth(1)?.parse().ok()?;
+    let pages: u64 = kernel("/proc/self/statm")?.split(' ').nth(1)?.parse().ok()?;
     Some(pages * rustix::param::page_size() as u64)
+}
+
+/// What the kernel tells in a file of `/proc`, which is on no disk: nobody waits for it.
+pub(crate) fn kernel(path: &str) -> Option<String> {
+    std::fs::read_to_string(path).ok()
 }

@@ -28,7 +28,10 @@ struct Asset {
 }
 
 static ASSETS: LazyLock<BTreeMap<String, Asset>> = LazyLock::new(|| {
-    Sources::iter().filter(|name| !name.ends_with(".md")).filter_map(|name| Some((name.to_string(), asset(&name)?))).collect()
+    Sources::iter()
+        .filter(|name| !name.ends_with(".md"))
+        .filter_map(|name| Some((name.to_string(), asset(&name)?)))
+        .collect()
 });
 
 fn asset(name: &str) -> Option<Asset> {
@@ -53,12 +56,10 @@ fn asset(name: &str) -> Option<Asset> {
 
 /// The page's routes.
 pub(crate) fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
-    Router::new()
-        .route("/", get(|headers: HeaderMap| async move { give("index.html", &headers) }))
-        .route(
-            "/assets/{name}",
-            get(|Path(name): Path<String>, headers: HeaderMap| async move { give(&name, &headers) }),
-        )
+    Router::new().route("/", get(|headers: HeaderMap| async move { give("index.html", &headers) })).route(
+        "/assets/{name}",
+        get(|Path(name): Path<String>, headers: HeaderMap| async move { give(&name, &headers) }),
+    )
 }
 
 fn give(name: &str, asked: &HeaderMap) -> Response {
@@ -102,9 +103,11 @@ mod tests {
         assert!(all > 0 && all < FIRST_VIEW_BYTES, "{all} bytes");
         for (name, asset) in ASSETS.iter() {
             let text = String::from_utf8_lossy(&asset.plain);
-            for address in text.split(['"', '\'', '`', ' ', '(']).filter(|w| w.starts_with("http") && w.contains("://")) {
+            for address in
+                text.split(['"', '\'', '`', ' ', '(']).filter(|w| w.starts_with("http") && w.contains("://"))
+            {
                 let known = ["http://www.w3.org/", "http://", "https://"];
-                assert!(known.iter().any(|k| address == *k) || address.starts_with(known[0]), "{name}: {address}");
+                assert!(known.contains(&address) || address.starts_with(known[0]), "{name}: {address}");
             }
         }
     }

@@ -72,9 +72,13 @@ impl Kind {
             Kind::Conflict => ("conflict", StatusCode::CONFLICT, "That cannot be now"),
             Kind::TooLarge => ("too-large", StatusCode::PAYLOAD_TOO_LARGE, "That is too large"),
             Kind::NoSpace => ("no-space", StatusCode::INSUFFICIENT_STORAGE, "The disk is full"),
-            Kind::Unsupported => ("unsupported", StatusCode::UNSUPPORTED_MEDIA_TYPE, "That kind of content is not taken"),
+            Kind::Unsupported => {
+                ("unsupported", StatusCode::UNSUPPORTED_MEDIA_TYPE, "That kind of content is not taken")
+            }
             Kind::RateLimited => ("rate-limited", StatusCode::TOO_MANY_REQUESTS, "Too often: wait a little"),
-            Kind::DigestMismatch => ("digest-mismatch", StatusCode::BAD_REQUEST, "The bytes are not those that were announced"),
+            Kind::DigestMismatch => {
+                ("digest-mismatch", StatusCode::BAD_REQUEST, "The bytes are not those that were announced")
+            }
             Kind::Internal => ("internal", StatusCode::INTERNAL_SERVER_ERROR, "The daemon could not do it"),
         }
     }

@@ -18,6 +18,7 @@ use std::fs;
 use std::io::{self, Read, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Files and jobs that are read at the start, each: as many as a folder of a host in daily use
 /// gets in years, and few enough for a Pi.
@@ -47,19 +48,24 @@ fn at<'a>(what: &'static str, path: &'a Path) -> impl FnOnce(io::Error) -> Shelf
     move |source| ShelfError { what, path: path.to_owned(), source }
 }
 
-/// A name that nobody could choose or guess: a letter and 24 hexadecimal digits.
+/// A name that nobody chooses: a letter and 24 hexadecimal digits, of which the first half is the
+/// time in ms, so that names sort as things came, and the rest is random.
 ///
 /// # Errors
 /// The system has no randomness.
 pub(crate) fn new_id(letter: char) -> io::Result<String> {
-    let mut bytes = [0_u8; 12];
+    let ms = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as u64);
+    Ok(format!("{letter}{:012x}{}", ms & 0xffff_ffff_ffff, random_hex()?))
+}
+
+/// Twelve random hexadecimal digits.
+///
+/// # Errors
+/// The system has no randomness.
+pub(crate) fn random_hex() -> io::Result<String> {
+    let mut bytes = [0_u8; 6];
     getrandom::fill(&mut bytes).map_err(|e| io::Error::other(e.to_string()))?;
-    let mut id = String::with_capacity(25);
-    id.push(letter);
-    for byte in bytes {
-        id.push_str(&format!("{byte:02x}"));
-    }
-    Ok(id)
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// Whether a text is a name of [`new_id`]: the only ones that become part of a path.
@@ -254,8 +260,8 @@ impl Shelf {
         {
             return text.trim().to_owned();
         }
-        let digits = new_id('F').unwrap_or_default() + &new_id('F').unwrap_or_default();
-        let digits: String = digits.chars().filter(char::is_ascii_hexdigit).skip(1).chain("0".chars().cycle()).take(32).collect();
+        let random = || random_hex().unwrap_or_else(|_| "0".repeat(12));
+        let digits = random() + &random() + &random();
         // Version 4, variant 1, as RFC 9562 has it.
         let uuid = format!(
             "{}-{}-4{}-8{}-{}",

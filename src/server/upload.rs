@@ -53,7 +53,11 @@ impl Incoming {
     ///
     /// # Errors
     /// It is too large, or the disk too full.
-    pub(crate) async fn begin(shelf: &Shelf, bounds: Bounds, announced: Option<u64>) -> Result<Self, Problem> {
+    pub(crate) async fn begin(
+        shelf: &Shelf,
+        bounds: Bounds,
+        announced: Option<u64>,
+    ) -> Result<Self, Problem> {
         if announced.is_some_and(|bytes| bytes > bounds.max_bytes) {
             return Err(too_large(bounds.max_bytes));
         }
@@ -240,7 +244,10 @@ mod tests {
         assert_eq!((upload.bytes, std::fs::read(upload.file.path()).unwrap()), (4, b"G28\n".to_vec()));
         assert_eq!(upload.sha256, <[u8; 32]>::from(Sha256::digest(b"G28\n")));
 
-        assert_eq!(Incoming::begin(&shelf, bounds, Some(9)).await.err().map(|p| p.kind), Some(Kind::TooLarge));
+        assert_eq!(
+            Incoming::begin(&shelf, bounds, Some(9)).await.err().map(|p| p.kind),
+            Some(Kind::TooLarge)
+        );
         let mut incoming = Incoming::begin(&shelf, bounds, None).await.unwrap();
         let much = incoming.piece(Bytes::from_static(&[0; 9])).await;
         assert_eq!(much.err().map(|p| p.kind), Some(Kind::TooLarge));

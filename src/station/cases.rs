@@ -1,6 +1,6 @@
 //! Where a job that was broken off stands, and the way back into it, in plain words.
-use crate::station::escape::printable;
 use crate::job::recover::{Case, Plan};
+use crate::station::escape::printable;
 
 /// What a person is told of a job that was broken off.
 pub(crate) fn words(case: &Case) -> String {

@@ -2,10 +2,10 @@
 //!
 //! Takes states and events, gives lines for a person. The printer's own texts are
 //! escaped here.
-use crate::station::escape::printable;
 use crate::job::state::State;
 use crate::printer::action::{Action, Prompt};
 use crate::printer::session::{Ending, Safety, StoppedBy, Waiting};
+use crate::station::escape::printable;
 
 /// A state in words, where it is news to the user. How a job ends is the verdict's matter.
 pub(crate) fn state(state: State) -> Option<&'static str> {

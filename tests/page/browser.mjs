@@ -27,6 +27,11 @@ export function program() {
 /** Whether an error of the console is the daemon's plain no, which a step awaited. */
 const plainNo = (words) => /^Failed to load resource: .* status of (\d+)/.exec(words)?.[1];
 
+async function seenAs(page, scheme, view) {
+  await page.setViewport(view);
+  await page.emulateMediaFeatures([{ name: 'prefers-color-scheme', value: scheme }, { name: 'prefers-reduced-motion', value: 'reduce' }]);
+}
+
 export class Browser {
   static async start(base, folder) {
     const browser = await puppeteer.launch({
@@ -38,12 +43,11 @@ export class Browser {
   }
 
   /** A page of somebody who was never here. */
-  async page(view = WIDE) {
+  async page() {
     const context = await this.browser.createBrowserContext();
     const page = await context.newPage();
     page.setDefaultTimeout(PATIENCE_MS);
-    await page.setViewport(view);
-    await page.emulateMediaFeatures([{ name: 'prefers-color-scheme', value: 'light' }, { name: 'prefers-reduced-motion', value: 'reduce' }]);
+    await seenAs(page, 'light', WIDE);
     const fault = (words) => this.faults.push(words);
     page.on('pageerror', (error) => fault(`script: ${error.message}`));
     page.on('console', (message) => {
@@ -76,18 +80,19 @@ export class Browser {
   }
 
   /** Light and dark, wide and narrow: axe and a picture of each. `ready` waits for what comes late. */
-  async look(page, name, ready = async () => {}) {
+  async look(page, name, ready = null) {
     for (const [scheme, view] of LOOKS) {
-      await page.setViewport(view);
-      await page.emulateMediaFeatures([{ name: 'prefers-color-scheme', value: scheme }, { name: 'prefers-reduced-motion', value: 'reduce' }]);
+      await seenAs(page, scheme, view);
       await page.waitForFunction((wanted) => document.documentElement.dataset.theme === wanted, {}, scheme);
-      await ready();
+      await ready?.();
       const words = `${name}-${scheme}-${view.width}`;
       await this.axe(page, words);
       await this.shot(page, words);
+      // What comes late is mostly drawn only where it is in sight.
+      await ready?.();
+      if (ready) await page.screenshot({ path: path.join(this.folder, `${words}-picture.png`) });
     }
-    await page.setViewport(WIDE);
-    await page.emulateMediaFeatures([{ name: 'prefers-color-scheme', value: 'light' }, { name: 'prefers-reduced-motion', value: 'reduce' }]);
+    await seenAs(page, 'light', WIDE);
   }
 
   /** The part of an element's pixels that are of a strong colour, as drawn on the screen. */

@@ -1,4 +1,4 @@
-// The temperatures of the last half hour, drawn.
+// The temperatures of the last half hour, or of as long as there are some, drawn.
 //
 // Takes: a printer's id; its samples `[unix_s, nozzle, nozzle_target, bed, bed_target]`, asked once and then as they come.
 // Gives: a figure with axes and legend, and the same in words for those who do not see it.
@@ -11,6 +11,8 @@ import { store } from './live.js';
 import { celsius } from './format.js';
 import { fail } from './notice.js';
 
+// How much of it is shown, and a line each so many minutes: the least that has all samples in it.
+const SPANS = [[300, 1], [600, 2], [1800, 10]];
 const SPAN_S = 1800;
 const SIZE = { height: 220, left: 48, right: 8, top: 10, bottom: 24 };
 const LEAST_TOP_C = 60;
@@ -40,6 +42,12 @@ function path(samples, column, x, y, gapS) {
   return words;
 }
 
+/** What is drawn: seconds back from the end, and minutes between two lines. */
+function spanOf(samples, end) {
+  const longest = SPANS[SPANS.length - 1];
+  return SPANS.find(([s]) => samples.length && samples[0][0] >= end - s) ?? longest;
+}
+
 /** Draws in the width that is there, so that letters keep their size on a small screen. */
 function draw(svg, samples, everyS) {
   const end = samples[samples.length - 1]?.[0] ?? Date.now() / 1000;
@@ -49,18 +57,19 @@ function draw(svg, samples, everyS) {
   const highest = Math.max(LEAST_TOP_C, ...samples.flatMap((sample) => sample.slice(1).filter(Number.isFinite)));
   const step = stepOf(highest * 1.05);
   const topC = Math.ceil((highest * 1.05) / step) * step;
-  const x = (s) => left + (1 - (end - s) / SPAN_S) * (width - left - right);
+  const [spanS, everyM] = spanOf(samples, end);
+  const x = (s) => left + (1 - (end - s) / spanS) * (width - left - right);
   const y = (c) => top + (1 - c / topC) * (height - top - bottom);
   const parts = [];
   for (let c = 0; c <= topC; c += step) {
     parts.push(el('line', { class: 'grid', x1: left, x2: width - right, y1: y(c), y2: y(c) }), el('text', { x: left - 6, y: y(c) + 4, 'text-anchor': 'end' }, c + step > topC ? `${c} °C` : String(c)));
   }
-  for (let m = 0; m <= SPAN_S / 60; m += 10) {
+  for (let m = 0; m <= spanS / 60; m += everyM) {
     const at = x(end - m * 60);
     parts.push(el('line', { class: 'grid', x1: at, x2: at, y1: top, y2: height - bottom }));
-    parts.push(el('text', { x: at, y: height - 7, 'text-anchor': m === 0 ? 'end' : m * 60 === SPAN_S ? 'start' : 'middle' }, m === 0 ? W.graph.now : W.graph.minutes(m)));
+    parts.push(el('text', { x: at, y: height - 7, 'text-anchor': m === 0 ? 'end' : m * 60 === spanS ? 'start' : 'middle' }, m === 0 ? W.graph.now : W.graph.minutes(m)));
   }
-  const shown = samples.filter(([s]) => s >= end - SPAN_S);
+  const shown = samples.filter(([s]) => s >= end - spanS);
   for (const [name, actual, target] of SERIES) {
     const aimed = shown.map((sample) => (sample[target] > 0 ? sample : [sample[0]]));
     parts.push(el('path', { class: `target ${name}`, d: path(aimed, target, x, y, everyS * GAP_STEPS) }));
@@ -72,7 +81,8 @@ function draw(svg, samples, everyS) {
 function inWords(samples) {
   const last = samples[samples.length - 1];
   if (!last) return W.graph.none;
-  return W.graph.figure(SERIES.map(([name, actual, target]) => {
+  const minutes = Math.max(1, Math.round((last[0] - samples[0][0]) / 60));
+  return W.graph.figure(minutes, SERIES.map(([name, actual, target]) => {
     const values = samples.map((sample) => sample[actual]).filter(Number.isFinite);
     if (!values.length) return '';
     return W.graph.line(W.graph[name], celsius(last[actual]), celsius(Math.min(...values)), celsius(Math.max(...values)), last[target] > 0 ? celsius(last[target]) : null);

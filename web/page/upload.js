@@ -83,7 +83,8 @@ function line(file) {
     done(text, href, link) {
       words.textContent = text;
       say(`${file.name}: ${text}`);
-      end.replaceChildren(el('a', { href }, link), close());
+      // Whoever goes to see it has seen that it arrived.
+      end.replaceChildren(el('a', { href, on: { click: leave } }, link), close());
       setTimeout(() => { if (!item.contains(document.activeElement)) leave(); }, DONE_MS);
     },
     failed(error) {

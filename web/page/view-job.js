@@ -29,8 +29,8 @@ function decision(job) {
   const mended = job.state === 'mended';
   return el('section', { class: 'box warn decide', 'aria-label': W.job.decide },
     el('h2', {}, W.job.decide),
-    mended && job.mend?.words && el('p', { class: 'large' }, job.mend.words),
-    mended && job.mend?.added_mm3 > 0 && el('p', {}, W.job.added(number(job.mend.added_mm3))),
+    mended && job.mend?.words && el('p', { class: 'large' }, sentence(job.mend.words)),
+    mended && job.mend?.added_mm3 > 0 && !/\d mm³/.test(job.mend.words) && el('p', {}, W.job.added(number(job.mend.added_mm3))),
     job.mend?.state === 'failed' && el('p', {}, el('strong', {}, `${W.job.mendFailed}: `), job.mend.words, ' ', W.jobTodo.mend),
     el('p', {}, mended ? W.job.mendedTells : W.job.heldTells),
     el('div', { class: 'row' },

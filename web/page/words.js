@@ -56,9 +56,10 @@ export const W = {
     title: 'Keys', on: 'Single-letter keys are on', pad: 'While a jog button has the focus',
     list: [
       ['?', 'this list'], ['1', 'printers'], ['2', 'files'], ['3', 'settings'], ['!', 'to the emergency stop (Enter presses it)'],
-      ['U', 'send a file'], ['P', 'pause or resume the printer in view'], ['L', 'light or dark'], ['Esc', 'close, or take a question back'],
+      ['U', 'send a file'], ['P', 'pause or resume the printer in view'], ['L', 'light or dark'], ['↑ ↓', 'in the console: what you sent before'],
+      ['Esc', 'close, or take a question back'],
     ],
-    padList: [['← →', 'X'], ['↑ ↓', 'Y'], ['Page ↑ ↓', 'Z'], ['↑ ↓ in the console', 'what you wrote before']],
+    padList: [['← →', 'X'], ['↑ ↓', 'Y'], ['Page ↑ ↓', 'Z']],
   },
   requests: {
     asks: (app) => `“${app}” asks for a key to this daemon.`, allow: 'Allow', deny: 'Deny',
@@ -101,7 +102,7 @@ export const W = {
   },
   graph: {
     title: 'Temperatures', nozzle: 'Nozzle', bed: 'Bed', target: 'target', now: 'now', minutes: (m) => `−${m} min`, none: 'No temperatures yet.',
-    figure: (words) => `Temperatures of the last half hour. ${words}`,
+    figure: (m, words) => `Temperatures of the last ${many(m, 'minute', 'minutes')}. ${words}`,
     line: (name, now, low, high, target) => `${name}: now ${now}, between ${low} and ${high}${target ? `, aimed at ${target}` : ', off'}.`,
     legend: 'Dashed: what is aimed at',
   },

@@ -5,9 +5,9 @@
 use super::keys::Keys;
 use super::talk::Shown;
 use super::{Screen, Typed};
-use crate::station::escape::printable_to;
 use crate::job::disk;
 use crate::printer::lines::MAX_REPLY_LEN;
+use crate::station::escape::printable_to;
 use anyhow::Context;
 use rustyline::error::ReadlineError;
 use rustyline::history::{FileHistory, History};

@@ -1,6 +1,5 @@
 //! Making a printer safe whose host is dead.
 use crate::cli::print::{letters, runtime};
-use crate::station::{Job, settings};
 use crate::job::disk::{JobId, Store, StoreError};
 use crate::job::host::{Begin, Host, HostEvent};
 use crate::job::record::{Log, Record};
@@ -12,6 +11,7 @@ use crate::printer::session::{Outcome, Safety};
 use crate::printer::source::{JobLine, Source, SourceError};
 use crate::profile::load_printer;
 use crate::profile::printer::HardStop;
+use crate::station::{Job, settings};
 use anyhow::bail;
 use std::rc::Rc;
 use std::time::Duration;

@@ -2,10 +2,10 @@
 //!
 //! Takes a job as the folder shows it; gives words, a share, what can be done next, and
 //! the JSON fields that the verb's help lists.
-use crate::station::escape::printable;
 use crate::job::disk::{Entry, JobId};
 use crate::job::record::Log;
 use crate::job::state::State;
+use crate::station::escape::printable;
 use serde::Serialize;
 
 /// What can be done with a job.

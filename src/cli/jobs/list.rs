@@ -2,8 +2,8 @@
 use super::facts::{Json, file_name, json, percent, state_words};
 use super::when::ago;
 use crate::cli::say;
-use crate::station::escape::printable;
 use crate::job::disk::{Entry, Store};
+use crate::station::escape::printable;
 use serde::Serialize;
 use std::process::ExitCode;
 use std::time::{SystemTime, UNIX_EPOCH};

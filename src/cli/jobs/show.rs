@@ -3,10 +3,10 @@ use super::facts::{Next, hex, is_orphan, json, next, percent, state_words};
 use super::list::now_unix_s;
 use super::when::{ago, date};
 use crate::cli::say;
-use crate::station::escape::printable;
 use crate::job::disk::{Entry, JobId, Store, StoreError};
 use crate::job::journal::Picture;
 use crate::job::record::{Checkpoint, Log};
+use crate::station::escape::printable;
 use anyhow::bail;
 use std::process::ExitCode;
 

@@ -4,15 +4,15 @@
 //! standard error but the summary. Failing output is ignored: a terminal that is
 //! gone must not end a print.
 use super::Person;
-use crate::station::marks::{Facts, Marks};
-use crate::station::{cases, news, pace};
-use crate::station::escape::printable;
 use crate::job::host::{HostEvent, Request};
 use crate::job::recover::Plan;
 use crate::job::run::{Mail, Watcher};
 use crate::printer::job_file::Checked;
 use crate::printer::session::Event;
 use crate::printer::temperature::{Reading, Temperatures};
+use crate::station::escape::printable;
+use crate::station::marks::{Facts, Marks};
+use crate::station::{cases, news, pace};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::cell::RefCell;
 use std::io::{IsTerminal, Write};

@@ -1,11 +1,11 @@
 //! The last words on a job.
 use super::show::Show;
-use crate::station::escape::printable;
-use crate::station::news;
 use crate::job::disk::JobId;
 use crate::job::run::End;
 use crate::job::state::State;
 use crate::printer::session::{Ending, Outcome};
+use crate::station::escape::printable;
+use crate::station::news;
 use anyhow::bail;
 
 /// The last words: good ones are shown, bad ones are the error.

@@ -123,7 +123,8 @@ impl Board {
         let heater = |reading: Option<Reading>| {
             reading.map(|r| Heater { actual_c: r.actual_c, target_c: r.target_c.unwrap_or(0.0) })
         };
-        let heat = Heat { nozzle: heater(told.hotend()), bed: heater(told.bed), chamber: heater(told.chamber) };
+        let heat =
+            Heat { nozzle: heater(told.hotend()), bed: heater(told.bed), chamber: heater(told.chamber) };
         let mut inner = self.lock();
         if inner.picture.heat != heat {
             inner.picture.heat = heat;
@@ -184,9 +185,14 @@ mod tests {
             board.heat(s, &told(s as f32));
         }
         let samples = board.samples();
-        assert_eq!(samples, [[100.0, 100.0, 200.0, 0.0, 0.0], [102.0, 102.0, 200.0, 0.0, 0.0], [
-            104.0, 104.0, 200.0, 0.0, 0.0
-        ]]);
+        assert_eq!(
+            samples,
+            [
+                [100.0, 100.0, 200.0, 0.0, 0.0],
+                [102.0, 102.0, 200.0, 0.0, 0.0],
+                [104.0, 104.0, 200.0, 0.0, 0.0]
+            ]
+        );
         assert_eq!(board.picture().heat.nozzle.map(|h| h.actual_c), Some(104.0));
     }
 }

@@ -124,7 +124,8 @@ impl<'a> Quiet<'a> {
     fn new(actor: &'a Actor, connection: &Connection) -> Self {
         let of = settings::of(&actor.profile, false).session;
         let boot_wait_ms = if connection.awake { 0 } else { of.boot_wait_ms };
-        let wire = Settings { asks: false, waits_for_link: false, cancel_macro: Vec::new(), boot_wait_ms, ..of };
+        let wire =
+            Settings { asks: false, waits_for_link: false, cancel_macro: Vec::new(), boot_wait_ms, ..of };
         Self {
             actor,
             session: Session::new(wire, 0),
@@ -212,7 +213,9 @@ impl<'a> Quiet<'a> {
                 Event::ManyResends { resends, lines } => board.message(
                     at,
                     Level::Warning,
-                    format!("{resends} resends in {lines} lines; check the cable, its shielding and the baud rate"),
+                    format!(
+                        "{resends} resends in {lines} lines; check the cable, its shielding and the baud rate"
+                    ),
                 ),
                 Event::Position(_)
                 | Event::Busy(_)

@@ -155,7 +155,8 @@ pub(crate) fn start(
         tracing::error!(printer = id, "{why}");
         board.change(|p| {
             p.link = Link::Failed;
-            p.error = Some(format!("this printer's part of the daemon broke down: {why}; restart the daemon"));
+            p.error =
+                Some(format!("this printer's part of the daemon broke down: {why}; restart the daemon"));
         });
     })?;
     Ok((handle, thread))
@@ -241,7 +242,9 @@ impl Life {
                     Idle::Leave => return,
                 },
             };
-            if printing::print(&self.actor, &mut self.orders, *print, connection).await == printing::Next::Leave {
+            if printing::print(&self.actor, &mut self.orders, *print, connection).await
+                == printing::Next::Leave
+            {
                 return;
             }
         }

@@ -244,8 +244,7 @@ impl Eye<'_> {
         self.shown = Some(now);
         let elapsed_s = self.first_line.map_or(0.0, |at| now.duration_since(at).as_secs_f64());
         let marks = self.marks.borrow();
-        let left_s =
-            pace::left_s(elapsed_s, self.line, &self.checked, self.facts, &marks, self.actor.speed);
+        let left_s = pace::left_s(elapsed_s, self.line, &self.checked, self.facts, &marks, self.actor.speed);
         let progress = Progress {
             fraction: pace::fraction(self.line, &self.checked),
             line: self.line,
@@ -273,11 +272,16 @@ impl Eye<'_> {
             Event::Temperatures(told) => board.heat(at, told),
             Event::Resend { .. } => self.resends += 1,
             Event::Probed { timeouts } if *timeouts > 1 => {
-                self.say(Level::Warning, format!("no answer from the printer (timeout {timeouts}); asking again"));
+                self.say(
+                    Level::Warning,
+                    format!("no answer from the printer (timeout {timeouts}); asking again"),
+                );
             }
             Event::ManyResends { resends, lines } => self.say(
                 Level::Warning,
-                format!("{resends} resends in {lines} lines; check the cable, its shielding and the baud rate"),
+                format!(
+                    "{resends} resends in {lines} lines; check the cable, its shielding and the baud rate"
+                ),
             ),
             Event::Action(action) => self.say(Level::Info, news::action(action)),
             Event::Prompt(prompt) => {

@@ -9,7 +9,7 @@ use crate::server::upload::{Bounds, Incoming, Upload, announced_digest, hex, sho
 use crate::station::now_unix_s;
 use axum::Json;
 use axum::body::Body;
-use axum::extract::{FromRequest, Multipart, Path, Query, Request, State};
+use axum::extract::{DefaultBodyLimit, FromRequest, Multipart, Path, Query, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::TryStreamExt;
@@ -30,6 +30,8 @@ pub(super) fn routes() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(content))
         .routes(routes!(check))
         .routes(routes!(layers))
+        // Uploads have bounds of their own.
+        .layer(DefaultBodyLimit::disable())
 }
 
 /// All files, the newest first
@@ -71,7 +73,8 @@ async fn upload(
     let (name, upload) = match is_form {
         true => form(&app, request).await?,
         false => {
-            let name = named.name.as_deref().ok_or_else(|| Problem::bad("say the file's name with ?name="))?;
+            let name =
+                named.name.as_deref().ok_or_else(|| Problem::bad("say the file's name with ?name="))?;
             let announced = header_text(&headers, "content-length").and_then(|n| n.parse().ok());
             (shown_name(name)?, take(&app, announced, request.into_body()).await?)
         }
@@ -133,7 +136,10 @@ async fn form(app: &App, request: Request) -> Result<(String, Upload), Problem> 
 ///
 /// # Errors
 /// As [`take`].
-pub(crate) async fn take_part(app: &App, mut part: axum::extract::multipart::Field<'_>) -> Result<Upload, Problem> {
+pub(crate) async fn take_part(
+    app: &App,
+    mut part: axum::extract::multipart::Field<'_>,
+) -> Result<Upload, Problem> {
     let mut incoming = Incoming::begin(&app.shelf, bounds(app), None).await?;
     while let Some(piece) = part.chunk().await.map_err(|e| broken_off(e.body_text()))? {
         incoming.piece(piece).await?;
@@ -176,7 +182,11 @@ pub(crate) async fn keep(
 /// Delete a file
 #[utoipa::path(delete, path = "/files/{id}", params(("id" = String, Path)),
     responses((status = 204), (status = 404, body = ProblemDetails), (status = 409, body = ProblemDetails)))]
-async fn remove(_: Print, State(app): State<Arc<App>>, Path(file): Path<String>) -> Result<StatusCode, Problem> {
+async fn remove(
+    _: Print,
+    State(app): State<Arc<App>>,
+    Path(file): Path<String>,
+) -> Result<StatusCode, Problem> {
     app.ask(|answer| Message::Remove { file, answer }).await?;
     Ok(StatusCode::NO_CONTENT)
 }
@@ -195,7 +205,11 @@ async fn content(_: Read, State(app): State<Arc<App>>, Path(id): Path<String>) -
 /// It is gone.
 pub(crate) async fn attachment(app: &App, file: &File) -> Result<Response, Problem> {
     let mut response = bytes_of(&app.shelf.content(&file.id), "application/octet-stream").await?;
-    let plain: String = file.name.chars().map(|c| if c.is_ascii_alphanumeric() || "._- ".contains(c) { c } else { '_' }).collect();
+    let plain: String = file
+        .name
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() || "._- ".contains(c) { c } else { '_' })
+        .collect();
     let told = format!("attachment; filename=\"{plain}\"");
     if let Ok(value) = HeaderValue::from_str(&told) {
         response.headers_mut().insert(header::CONTENT_DISPOSITION, value);

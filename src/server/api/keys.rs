@@ -82,7 +82,9 @@ async fn make(
     who.confirmed()?;
     let name = Name::new(&new.name).map_err(|e| Problem::bad(e.to_string()))?;
     if new.scopes.is_empty() {
-        return Err(Problem::bad("a key without scopes opens nothing: say some of read, print, control, admin"));
+        return Err(Problem::bad(
+            "a key without scopes opens nothing: say some of read, print, control, admin",
+        ));
     }
     let (key, secret) = app
         .auth
@@ -96,7 +98,11 @@ async fn make(
 /// Revoke a key
 #[utoipa::path(delete, path = "/keys/{id}", params(("id" = String, Path)),
     responses((status = 204), (status = 404, body = ProblemDetails)))]
-async fn revoke(Admin(who): Admin, State(app): State<Arc<App>>, Path(id): Path<String>) -> Result<StatusCode, Problem> {
+async fn revoke(
+    Admin(who): Admin,
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
     who.confirmed()?;
     app.auth.with(|auth, _| auth.revoke_key(&id)).map_err(|e| refused(&e))?;
     app.auth.keep().await?;
@@ -151,6 +157,11 @@ async fn decide(
     app.auth
         .with(|auth, now| auth.answer_key_request(&id, scopes, who.name(), now))
         .map_err(|e| Problem::new(crate::server::problem::Kind::NotFound, e.to_string()))?;
-    tracing::info!(request = id, allow = decision.allow, by = who.name(), "an application's request for a key");
+    tracing::info!(
+        request = id,
+        allow = decision.allow,
+        by = who.name(),
+        "an application's request for a key"
+    );
     Ok(StatusCode::NO_CONTENT)
 }

@@ -170,7 +170,8 @@ pub(crate) async fn tick(app: Arc<App>) {
             let (sample, samples): (Option<Sample>, u64) = board.newest_sample();
             if let Some(sample) = sample.filter(|_| samples != told.samples) {
                 told.samples = samples;
-                app.view.tell(Scope::Read, || json!({"type": "temperatures", "printer": id, "sample": sample}));
+                app.view
+                    .tell(Scope::Read, || json!({"type": "temperatures", "printer": id, "sample": sample}));
             }
             let (lines, total): (Vec<ConsoleLine>, u64) = board.console_since(told.console);
             if total != told.console {

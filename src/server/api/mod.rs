@@ -80,7 +80,10 @@ mod tests {
             let mut method = "";
             for (at, part) in cell.split('`').enumerate() {
                 if at % 2 == 0 {
-                    method = part.split([',', ' ']).rfind(|word| word.chars().all(|c| c.is_ascii_uppercase()) && word.len() > 2).unwrap_or(method);
+                    method = part
+                        .split([',', ' '])
+                        .rfind(|word| word.chars().all(|c| c.is_ascii_uppercase()) && word.len() > 2)
+                        .unwrap_or(method);
                 } else if part.starts_with('/') {
                     let path = part.split('?').next().unwrap();
                     written.push(format!("{method} {path}"));

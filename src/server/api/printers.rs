@@ -119,11 +119,14 @@ pub(crate) async fn action(app: &App, id: &str, wanted: Wanted, choice: Option<u
         Wanted::Cancel => Order::Ask(Request::Cancel),
         Wanted::Confirm => Order::Ask(Request::Confirm),
         Wanted::Answer => {
-            let choice = choice.ok_or_else(|| Problem::bad("`answer` wants `choice`: the button's place, from 0"))?;
+            let choice =
+                choice.ok_or_else(|| Problem::bad("`answer` wants `choice`: the button's place, from 0"))?;
             Order::Ask(Request::Answer(choice))
         }
         Wanted::Connect => Order::Connect,
-        Wanted::Disconnect if busy => return Err(Problem::conflict("a job has the printer: cancel it first")),
+        Wanted::Disconnect if busy => {
+            return Err(Problem::conflict("a job has the printer: cancel it first"));
+        }
         Wanted::Disconnect => Order::Disconnect,
         Wanted::BedCleared => {
             return app.ask(|answer| Message::BedClear { printer: id.to_owned(), answer }).await;
@@ -145,7 +148,9 @@ fn idle<'a>(app: &'a App, id: &str) -> Result<&'a Station, Problem> {
     match station.handle.board.picture().link {
         Link::Ready => Ok(station),
         Link::Busy => Err(Problem::conflict("a job has the printer")),
-        Link::Offline | Link::Connecting | Link::Failed => Err(Problem::conflict("the printer is not connected")),
+        Link::Offline | Link::Connecting | Link::Failed => {
+            Err(Problem::conflict("the printer is not connected"))
+        }
     }
 }
 
@@ -305,12 +310,18 @@ pub(crate) fn may_command<'a>(
     if commands.is_empty() || commands.len() > MAX_COMMANDS {
         return Err(Problem::bad(format!("1 to {MAX_COMMANDS} commands are taken at once")));
     }
-    let odd = |c: &String| c.len() > MAX_COMMAND_BYTES || c.chars().any(char::is_control) || c.trim().is_empty();
+    let odd =
+        |c: &String| c.len() > MAX_COMMAND_BYTES || c.chars().any(char::is_control) || c.trim().is_empty();
     if let Some(command) = commands.iter().find(|c| odd(c)) {
-        return Err(Problem::bad(format!("{command:?} is no command: one line of at most {MAX_COMMAND_BYTES} bytes")));
+        return Err(Problem::bad(format!(
+            "{command:?} is no command: one line of at most {MAX_COMMAND_BYTES} bytes"
+        )));
     }
     if station.handle.board.picture().link == Link::Busy && !who.is_admin() {
-        return Err(Problem::new(Kind::Conflict, "while a job has the printer only admins may send commands"));
+        return Err(Problem::new(
+            Kind::Conflict,
+            "while a job has the printer only admins may send commands",
+        ));
     }
     if matches!(station.handle.board.picture().link, Link::Offline | Link::Connecting | Link::Failed) {
         return Err(Problem::conflict("the printer is not connected"));
@@ -327,7 +338,11 @@ struct Console {
 /// The last lines of the console
 #[utoipa::path(get, path = "/printers/{id}/console", params(("id" = String, Path)),
     responses((status = 200, body = Console), (status = 404, body = ProblemDetails)))]
-async fn console(_: Control, State(app): State<Arc<App>>, Path(id): Path<String>) -> Result<Json<Console>, Problem> {
+async fn console(
+    _: Control,
+    State(app): State<Arc<App>>,
+    Path(id): Path<String>,
+) -> Result<Json<Console>, Problem> {
     let lines = app.station(&id)?.handle.board.console_since(0).0;
     Ok(Json(Console { lines }))
 }

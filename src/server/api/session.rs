@@ -17,7 +17,10 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 pub(super) fn routes() -> OpenApiRouter<Arc<App>> {
-    OpenApiRouter::new().routes(routes!(get, log_in, log_out)).routes(routes!(confirm)).routes(routes!(set_up))
+    OpenApiRouter::new()
+        .routes(routes!(get, log_in, log_out))
+        .routes(routes!(confirm))
+        .routes(routes!(set_up))
 }
 
 /// Who is there.
@@ -101,7 +104,9 @@ async fn log_in(
 }
 
 async fn blocking<T: Send + 'static>(this: impl FnOnce() -> T + Send + 'static) -> Result<T, Problem> {
-    tokio::task::spawn_blocking(this).await.map_err(|_| Problem::internal("a password could not be looked at"))
+    tokio::task::spawn_blocking(this)
+        .await
+        .map_err(|_| Problem::internal("a password could not be looked at"))
 }
 
 fn begun(app: &App, login: &Login, peer: Option<Extension<Peer>>) -> Response {
@@ -177,11 +182,13 @@ async fn set_up(
         }
         Problem::new(Kind::Forbidden, why.to_string())
     })?;
-    let hash = blocking(move || PasswordHash::of(&password)).await?.map_err(|e| Problem::bad(e.to_string()))?;
-    let login = app.auth.with(|auth, now| auth.finish_setup(pass, name, hash, now)).map_err(|why| match why {
-        SetupError::NoRandom(why) => Problem::internal(why.to_string()),
-        why => Problem::conflict(why.to_string()),
-    })?;
+    let hash =
+        blocking(move || PasswordHash::of(&password)).await?.map_err(|e| Problem::bad(e.to_string()))?;
+    let login =
+        app.auth.with(|auth, now| auth.finish_setup(pass, name, hash, now)).map_err(|why| match why {
+            SetupError::NoRandom(why) => Problem::internal(why.to_string()),
+            why => Problem::conflict(why.to_string()),
+        })?;
     app.auth.keep().await?;
     tracing::info!(user = login.who.name, role = Role::Admin.word(), "the first user was made");
     Ok(begun(&app, &login, peer))

@@ -37,13 +37,16 @@ fn name(text: &str) -> Result<Name, Problem> {
 
 async fn hash(password: String) -> Result<PasswordHash, Problem> {
     let hashed = tokio::task::spawn_blocking(move || PasswordHash::of(&password)).await;
-    hashed.map_err(|_| Problem::internal("a password could not be kept"))?.map_err(|e| Problem::bad(e.to_string()))
+    hashed
+        .map_err(|_| Problem::internal("a password could not be kept"))?
+        .map_err(|e| Problem::bad(e.to_string()))
 }
 
 /// All users
 #[utoipa::path(get, path = "/users", responses((status = 200, body = [User])))]
 async fn list(_: Admin, State(app): State<Arc<App>>) -> Json<Vec<User>> {
-    let user = |user: &crate::server::auth::User| User { name: user.name.to_string(), role: user.role.word() };
+    let user =
+        |user: &crate::server::auth::User| User { name: user.name.to_string(), role: user.role.word() };
     Json(app.auth.with(|auth, _| auth.users().map(user).collect()))
 }
 
@@ -79,7 +82,11 @@ async fn add(
 /// Remove a user
 #[utoipa::path(delete, path = "/users/{name}", params(("name" = String, Path)),
     responses((status = 204), (status = 404, body = ProblemDetails), (status = 409, body = ProblemDetails)))]
-async fn remove(Admin(who): Admin, State(app): State<Arc<App>>, Path(user): Path<String>) -> Result<StatusCode, Problem> {
+async fn remove(
+    Admin(who): Admin,
+    State(app): State<Arc<App>>,
+    Path(user): Path<String>,
+) -> Result<StatusCode, Problem> {
     who.confirmed()?;
     let name = name(&user)?;
     app.auth.with(|auth, _| auth.remove_user(&name)).map_err(|e| refused(&e))?;

@@ -424,7 +424,8 @@ impl Foreman {
             (_, OnFindings::Mend) => Stage::Mending,
         };
         if next == Stage::Queued && state == CheckState::Found && !job.approved {
-            let words = format!("{}: the check found something; it is printed all the same, as set", job.name);
+            let words =
+                format!("{}: the check found something; it is printed all the same, as set", job.name);
             place.handle.board.message(now_unix_s(), Level::Warning, words);
         }
         self.change(id, |job| {
@@ -455,7 +456,8 @@ impl Foreman {
             })?,
             (Can::Mend, _) => {
                 self.changed(id, |job| {
-                    (job.state, job.mend, job.printed) = (Stage::Mending, Some(Mend::default()), Printed::Original);
+                    (job.state, job.mend, job.printed) =
+                        (Stage::Mending, Some(Mend::default()), Printed::Original);
                 })?;
                 self.pursue(id);
             }
@@ -522,7 +524,8 @@ impl Foreman {
             let words = format!("job {} ({}) was broken off: resume or forget it", job.id, job.name);
             return Err(Refusal::Conflict(words));
         }
-        let on_it: Vec<_> = self.jobs.values().filter(|job| rules::lies_on(job, printer)).map(|j| j.id.clone()).collect();
+        let on_it: Vec<_> =
+            self.jobs.values().filter(|job| rules::lies_on(job, printer)).map(|j| j.id.clone()).collect();
         for id in on_it {
             self.changed(&id, |job| job.cleared = true)?;
         }

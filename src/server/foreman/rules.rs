@@ -105,7 +105,8 @@ mod tests {
 
     #[test]
     fn a_waiting_job_says_what_for() {
-        let clear = Around { first: true, broken_off: false, busy: false, bed_clear: true, ready: true, there: true };
+        let clear =
+            Around { first: true, broken_off: false, busy: false, bed_clear: true, ready: true, there: true };
         let job = Job { state: Stage::Queued, ..Job::default() };
         let check = |around: Around, expect: Option<&str>| {
             let words = waits_for(&job, &around);

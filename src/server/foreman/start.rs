@@ -110,7 +110,9 @@ pub(super) fn settle(foreman: &mut Foreman) {
     let begun: Vec<_> = foreman
         .jobs
         .values()
-        .filter(|job| (job.state.is_running() || job.state == Stage::Interrupted) && !is_taken_up(foreman, job))
+        .filter(|job| {
+            (job.state.is_running() || job.state == Stage::Interrupted) && !is_taken_up(foreman, job)
+        })
         .map(|job| (job.id.clone(), job.record))
         .collect();
     for (id, record) in begun {

@@ -210,7 +210,8 @@ fn the_next_job_waits_for_a_clear_bed() {
 fn a_job_that_came_too_late_waits_on_and_is_begun_once() {
     let mut desk = Desk::new(OnFindings::Hold);
     let job = desk.started(TEXT);
-    let over = Told::Over { job: job.clone(), state: State::Accepted, words: Some("gone".to_owned()), safety: None };
+    let over =
+        Told::Over { job: job.clone(), state: State::Accepted, words: Some("gone".to_owned()), safety: None };
     desk.told(over);
     let now = desk.job(&job);
     assert_eq!((now.state, now.error.as_deref(), now.record), (Stage::Queued, Some("gone"), None));
@@ -249,7 +250,10 @@ fn what_was_accepted_is_there_after_a_restart() {
     let other = desk.upload("G28\n");
     let checking = desk.queue(&other, false).unwrap();
     let mut desk = desk.again(OnFindings::Hold);
-    assert_eq!([&held, &waiting, &checking].map(|id| desk.state(id)), [Stage::Held, Stage::Queued, Stage::Checking]);
+    assert_eq!(
+        [&held, &waiting, &checking].map(|id| desk.state(id)),
+        [Stage::Held, Stage::Queued, Stage::Checking]
+    );
     // What was not looked at to the end is looked at again.
     assert!(matches!(desk.works.try_recv(), Ok(Work::Look { file, .. }) if file == other));
     assert_eq!(desk.view.place("p").queue, [held, waiting, checking.clone()]);

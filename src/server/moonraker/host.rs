@@ -1,6 +1,7 @@
 //! The machine and the host, in Moonraker's words.
 use super::objects::klippy;
 use crate::server::app::App;
+use crate::server::metrics::kernel;
 use crate::server::octoprint::asked::At;
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -63,9 +64,9 @@ pub(super) fn printer_info(at: &At) -> Value {
     })
 }
 
-/// A number that the kernel tells; its files are no disk's.
+/// A number that the kernel tells.
 fn told(path: &str, find: impl Fn(&str) -> Option<f64>) -> f64 {
-    std::fs::read_to_string(path).ok().and_then(|text| find(&text)).unwrap_or(0.0)
+    kernel(path).and_then(|text| find(&text)).unwrap_or(0.0)
 }
 
 fn memory_kb(what: &str) -> f64 {
