@@ -291,3 +291,102 @@ fn a_form_may_be_as_large_as_any_upload() {
     assert_eq!(daemon.see("/api/v2/files")[0]["id"], second["id"]);
     daemon.end();
 }
+
+/// A job with a part of some height, for the way back into it.
+fn tall_job(layers: u32) -> Vec<u8> {
+    let mut text = String::from("M104 S60\nG28\nG90\nM83\nM109 S60\n");
+    for layer in 1..=layers {
+        let z = f64::from(layer) * 0.2;
+        text += &format!(";LAYER_CHANGE\nG1 Z{z:.2} F600\n");
+        for at in 0..40 {
+            let (x, y) = (50.0 + f64::from(at % 2) * 20.0, 50.0 + f64::from(at / 2) * 0.4);
+            text += &format!("G1 X{x:.2} Y{y:.2} E0.6 F3000\n");
+        }
+    }
+    text += "G1 Z20 F600\nM104 S0\nM140 S0\nM84\n";
+    text.into_bytes()
+}
+
+#[test]
+fn after_a_power_cut_nothing_moves_before_a_persons_word() {
+    let faults = "[[fault]]\nat_line = 300\ndo = 'power_cut'\nfor_s = 1\nsag_mm = 0.1\n";
+    let mock = Mock::steady(&["--speed", "30"], faults);
+    let state = tempfile::tempdir().unwrap();
+    let config = format!(
+        "[server]\nmdns = false\n[[printer]]\nid = 'mock'\nprofile = 'ender-3'\nport = '{}'\nmacros = false\non_findings = 'warn'\n",
+        mock.path("tty").display()
+    );
+    let daemon = Daemon::start(state.path(), &config);
+    daemon.wait_printer("mock", "ready");
+    let job = daemon.queue(&daemon.upload("tall.gcode", &tall_job(12)), "mock");
+    let broken = daemon.wait_job(&job, "interrupted");
+    assert!(broken["can"].as_array().unwrap().contains(&json!("resume")), "{broken}");
+    let mut plan = Value::Null;
+    wait_until("the way back", || {
+        plan = daemon.see("/api/v2/printers/mock")["plan"].clone();
+        plan.is_string()
+    });
+    assert!(plan.as_str().unwrap().contains("the way back"), "{plan}");
+    let moves = mock.now()["moves"].clone();
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    assert_eq!(mock.now()["moves"], moves, "nothing moves before the word");
+    let said = daemon.post("/api/v2/printers/mock/actions", &json!({"action": "confirm"}));
+    assert_eq!(said.status, 202, "{}", said.text());
+    daemon.wait_job(&job, "finished");
+    daemon.end();
+    let stats = mock.stats();
+    assert_eq!((&stats["crashes"], &stats["power_cuts"]), (&json!(0), &json!(1)), "{stats}");
+}
+
+#[test]
+fn a_broken_off_job_is_resumed_after_a_restart_or_forgotten() {
+    let faults = "[[fault]]\nat_line = 300\ndo = 'power_cut'\nfor_s = 1\nsag_mm = 0.1\n";
+    let mock = Mock::steady(&["--speed", "30"], faults);
+    let state = tempfile::tempdir().unwrap();
+    let config = format!(
+        "[server]\nmdns = false\n[[printer]]\nid = 'mock'\nprofile = 'ender-3'\nport = '{}'\nmacros = false\non_findings = 'warn'\n",
+        mock.path("tty").display()
+    );
+    let daemon = Daemon::start(state.path(), &config);
+    daemon.wait_printer("mock", "ready");
+    let file = daemon.upload("tall.gcode", &tall_job(12));
+    let job = daemon.queue(&file, "mock");
+    let next = daemon.queue(&file, "mock");
+    daemon.wait_job(&job, "interrupted");
+    daemon.end();
+    let daemon = Daemon::start(state.path(), &config);
+    daemon.wait_printer("mock", "ready");
+    daemon.wait_job(&job, "interrupted");
+    let waits = daemon.wait_job(&next, "queued");
+    assert!(waits["waits_for"].as_str().unwrap().contains("broken-off job"), "{waits}");
+    let act = |job: &Value, action: &str| {
+        let path = format!("/api/v2/jobs/{}/actions", job["id"].as_str().unwrap());
+        daemon.post(&path, &json!({"action": action}))
+    };
+    assert_eq!(act(&job, "resume").status, 200);
+    wait_until("the way back", || daemon.see("/api/v2/printers/mock")["plan"].is_string());
+    assert_eq!(act(&job, "confirm").status, 200);
+    daemon.wait_job(&job, "finished");
+    assert_eq!(act(&job, "forget").status, 200);
+    assert_eq!(daemon.get(&format!("/api/v2/jobs/{}", job["id"].as_str().unwrap())).status, 404);
+    daemon.wait_job(&next, "finished");
+    daemon.end();
+    assert_eq!(mock.stats()["crashes"], 0);
+}
+
+#[test]
+fn heaters_that_nobody_needs_go_off() {
+    let mock = steady("20");
+    let state = tempfile::tempdir().unwrap();
+    let daemon = Daemon::start(state.path(), &config(&mock.path("tty"), "idle_heater_timeout_s = 10"));
+    daemon.wait_printer("mock", "ready");
+    assert_eq!(daemon.post("/api/v2/printers/mock/heat", &json!({"nozzle_c": 60, "bed_c": 40})).status, 202);
+    wait_until("a warm nozzle", || mock.now()["nozzle_target_c"] == 60.0);
+    wait_until("a cold printer", || {
+        let now = mock.now();
+        now["nozzle_target_c"] == 0.0 && now["bed_target_c"] == 0.0
+    });
+    let told = daemon.see("/api/v2/printers/mock");
+    assert!(told["messages"].to_string().contains("switched off"), "{told}");
+    daemon.end();
+}

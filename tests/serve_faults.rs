@@ -30,9 +30,9 @@ fn config(tty: &Path, more: &str) -> String {
     )
 }
 
-/// Moves of 10 mm that no other job has: Y tells the job, and the place in it.
+/// A move to the start, and moves of 10 mm that no other job has: Y tells the job, and the place in it.
 fn job(number: u32, moves: u32) -> String {
-    let mut text = String::from("G28\nG90\nM83\nG1 X20 Y20 Z0.2 F6000\n");
+    let mut text = String::from("G28\nG90\nM83\nG1 X15 Y15 Z0.2 F6000\n");
     for n in 0..moves {
         text += &format!("G1 X{} Y{}.{n:04}\n", 20 + n % 2 * 10, 20 + number);
     }
@@ -177,9 +177,7 @@ fn on_a_small_disk() {
     let printed = daemon.queue(&file, "mock");
     let waiting = daemon.queue(&next, "mock");
     daemon.wait_job(&printed, "printing");
-    wait_until("the check of the next", || {
-        daemon.see(&format!("/api/v2/files/{}", id(&next)))["checks"]["mock"]["state"] == "clean"
-    });
+    daemon.wait_job(&waiting, "queued");
     let before = kept(state);
 
     // One that is too large for what is there, announced and not: told in the middle of it.
@@ -258,7 +256,7 @@ fn with_a_limit_on_files() {
     daemon.upload("small.gcode", b"G28\n");
     daemon.wait_job(&printed, "finished");
     daemon.end();
-    assert_eq!(mock.stats()["moves"].as_u64(), Some(1001));
+    assert_eq!(mock.stats()["moves"].as_u64(), Some(1000 + 1));
 }
 
 #[test]
@@ -293,7 +291,7 @@ fn on_a_disk_that_becomes_read_only() {
     let state = folder.path();
     small_disk(state, 8);
     let config = "[server]\nmdns = false\n[storage]\nmin_free_mb = 0\n[[printer]]\nid = 'gone'\nprofile = 'ender-3'\n\
-                  port = '/dev/does-not-exist'\n";
+                  port = '/dev/does-not-exist'\non_findings = 'warn'\n";
     let check_start = || {
         let said = does_not_start(state, config);
         assert_eq!(said.trim_end().lines().count(), 1, "{said}");
@@ -314,7 +312,8 @@ fn on_a_disk_that_becomes_read_only() {
     refused(&daemon.post("/api/v2/jobs", &json!({"file": id(&file), "printer": "gone"})), &[500, 507]);
     let act = daemon.post(&format!("/api/v2/jobs/{}/actions", id(&queued)), &json!({"action": "cancel"}));
     refused(&act, &[500, 507]);
-    refused(&daemon.send("DELETE", &format!("/api/v2/files/{}", id(&file)), &[], b""), &[409, 500, 507]);
+    // A job needs it.
+    refused(&daemon.send("DELETE", &format!("/api/v2/files/{}", id(&file)), &[], b""), &[409]);
     refused(
         &daemon.post("/api/v2/users", &json!({"name": "bo", "password": PASSWORD, "role": "viewer"})),
         &[500, 507],
@@ -743,8 +742,11 @@ fn a_printer_that_is_unplugged_is_shown_and_comes_back() {
     assert!(broken["waits_for"].as_str().unwrap().contains("you"), "{broken}");
     std::thread::sleep(Duration::from_millis(500));
     assert_eq!(mock.now()["moves"].as_u64().unwrap_or(0), 0, "it moved without a yes");
-    let forgot = daemon.post(&format!("/api/v2/jobs/{}/actions", id(&queued)), &json!({"action": "cancel"}));
-    assert_eq!(forgot.status, 200, "{}", forgot.text());
+    let cancelled =
+        daemon.post(&format!("/api/v2/jobs/{}/actions", id(&queued)), &json!({"action": "cancel"}));
+    assert_eq!(cancelled.status, 200, "{}", cancelled.text());
+    std::thread::sleep(Duration::from_secs(3));
+    eprintln!("DBG {} {}\n{}", daemon.see("/api/v2/jobs"), daemon.see("/api/v2/printers/mock"), daemon.log());
     daemon.wait_job(&queued, "cancelled");
     let next = daemon.queue(&daemon.upload("next.gcode", job(1, 20).as_bytes()), "mock");
     daemon.wait_job(&next, "finished");
@@ -897,7 +899,7 @@ fn rubbish_is_refused() {
             ("multipart/form-data; boundary=B", crowd.clone()),
         ] {
             let headers = format!("{keyed}Content-Type: {kind}\r\nContent-Length: {}\r\n", body.len());
-            let what = format!("{path} {kind} {}", &body[..body.len().min(60)]);
+            let what = format!("{path} {kind} {} … {} bytes", &body[..body.len().min(90)], body.len());
             let status =
                 bounded(&what, raw(to, &with(&format!("POST {path}"), &headers, body.as_bytes())), 499);
             assert!(status >= 400, "{what}: {status}");

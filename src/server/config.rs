@@ -133,7 +133,7 @@ pub(crate) const KEYS: &[Key] = &[
     key("printer.macros", Flag, "Send the profile's start and end macros around each job"),
     key(
         "printer.idle_heater_timeout_s",
-        Whole(60, 86_400),
+        Whole(10, 86_400),
         "Heaters that are on without a job go off after so long, s",
     ),
     key("printer.webcam_url", Line(LINE_BYTES), "A webcam's picture or stream, http(s)"),

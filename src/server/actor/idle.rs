@@ -238,8 +238,8 @@ impl<'a> Quiet<'a> {
 
     /// Nobody has wanted anything of a hot printer for long.
     fn forgotten(&mut self, now_ms: u64) {
-        let minutes = self.actor.config.idle_heater_timeout_s / 60;
-        let words = format!("heaters were on for {minutes} min without a job: they are switched off");
+        let timeout_s = self.actor.config.idle_heater_timeout_s;
+        let words = format!("heaters were on for {timeout_s} s without a job: they are switched off");
         self.actor.board.message(now_unix_s(), Level::Warning, words);
         self.cool_down(now_ms);
         // Asked again after as long, should the printer still tell a target.

@@ -1,7 +1,11 @@
 //! The foreman by its messages: no thread, no printer, a folder of its own.
 use super::*;
+use crate::job::state::State;
+use crate::server::config::OnFindings;
 use crate::server::inspect::{Done, Work};
+use crate::server::model::{Check, CheckState, Kind, Mend, MendState, Printed, Stage};
 use crate::server::model::{Finding, Severity};
+use crate::server::shelf::new_id;
 use std::io::Write;
 use tokio::sync::mpsc::Receiver;
 
