@@ -3,7 +3,7 @@
 mod common;
 
 use common::corpus;
-use common::http::{Daemon, PASSWORD, user};
+use common::http::{Daemon, PASSWORD, poll_until, user};
 use common::printer::{Mock, signal, wait_for, wait_until};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -47,7 +47,7 @@ fn a_clean_upload_is_printed_to_its_end() {
     // The next one waits for a word that the bed is clear.
     let next = daemon.queue(&file, "mock");
     let next = daemon.wait_job(&next, "queued");
-    wait_until("the next to wait for the bed", || {
+    poll_until("the next to wait for the bed", || {
         let next = daemon.see(&format!("/api/v2/jobs/{}", next["id"].as_str().unwrap()));
         next["waits_for"].as_str().is_some_and(|w| w.contains("bed is clear"))
     });
@@ -141,7 +141,7 @@ fn a_broken_printer_does_not_disturb_another() {
     daemon.wait_printer("mock", "ready");
     let gone = daemon.see("/api/v2/printers/gone");
     assert_eq!(gone["state"], "connecting");
-    wait_until("a reason", || {
+    poll_until("a reason", || {
         daemon.see("/api/v2/printers/gone")["error"].as_str().is_some_and(|e| e.contains("does-not-exist"))
     });
     let job = daemon.queue(&daemon.upload("part.gcode", &clean_job(50)), "mock");
@@ -164,11 +164,11 @@ fn jog_heat_and_console_are_for_a_printer_without_a_job() {
     assert_eq!(ask("gcode", json!({"commands": ["M115"]})), 202);
     assert_eq!(ask("gcode", json!({"commands": ["M115\nM112"]})), 400);
     wait_until("a warm nozzle", || mock.now()["nozzle_target_c"] == 60.0);
-    wait_until("the printer's words", || {
+    poll_until("the printer's words", || {
         let console = daemon.see("/api/v2/printers/mock/console");
         console["lines"].as_array().unwrap().iter().any(|line| line["from"] == "us" && line["text"] == "M115")
     });
-    wait_until("a temperature", || {
+    poll_until("a temperature", || {
         daemon.see("/api/v2/printers/mock")["temperatures"]["nozzle"]["target_c"] == 60.0
     });
     let job = daemon.queue(&daemon.upload("part.gcode", &clean_job(400)), "mock");
@@ -181,7 +181,7 @@ fn jog_heat_and_console_are_for_a_printer_without_a_job() {
     daemon.wait_printer("mock", "ready");
     assert_eq!(ask("heat", json!({"nozzle_c": 60})), 202);
     wait_until("a warm nozzle", || mock.now()["nozzle_target_c"] == 60.0);
-    wait_until("a temperature", || {
+    poll_until("a temperature", || {
         daemon.see("/api/v2/printers/mock")["temperatures"]["nozzle"]["target_c"] == 60.0
     });
     daemon.end();
@@ -322,7 +322,7 @@ fn after_a_power_cut_nothing_moves_before_a_persons_word() {
     let broken = daemon.wait_job(&job, "interrupted");
     assert!(broken["can"].as_array().unwrap().contains(&json!("resume")), "{broken}");
     let mut plan = Value::Null;
-    wait_until("the way back", || {
+    poll_until("the way back", || {
         plan = daemon.see("/api/v2/printers/mock")["plan"].clone();
         plan.is_string()
     });
@@ -364,7 +364,7 @@ fn a_broken_off_job_is_resumed_after_a_restart_or_forgotten() {
         daemon.post(&path, &json!({"action": action}))
     };
     assert_eq!(act(&job, "resume").status, 200);
-    wait_until("the way back", || daemon.see("/api/v2/printers/mock")["plan"].is_string());
+    poll_until("the way back", || daemon.see("/api/v2/printers/mock")["plan"].is_string());
     assert_eq!(act(&job, "confirm").status, 200);
     daemon.wait_job(&job, "finished");
     assert_eq!(act(&job, "forget").status, 200);

@@ -522,7 +522,9 @@ fn a_daemon_that_is_killed_at_any_moment_loses_nothing_and_starts_nothing_twice(
     }
     for (finished, number) in printed {
         let text = job(number, MOVES);
-        for command in commands(&text).filter(|c| c.starts_with("G1 X") && c.contains('.')) {
+        for command in
+            commands(&text).filter(|c| c.starts_with("G1 X") && c.contains('.') && !c.contains('Z'))
+        {
             let made = times.get(command).copied().unwrap_or(0);
             assert!(made <= 1, "job {number}: {command} was made {made} times");
             assert!(made == 1 || !finished, "job {number}: {command} was left out");
@@ -745,8 +747,6 @@ fn a_printer_that_is_unplugged_is_shown_and_comes_back() {
     let cancelled =
         daemon.post(&format!("/api/v2/jobs/{}/actions", id(&queued)), &json!({"action": "cancel"}));
     assert_eq!(cancelled.status, 200, "{}", cancelled.text());
-    std::thread::sleep(Duration::from_secs(3));
-    eprintln!("DBG {} {}\n{}", daemon.see("/api/v2/jobs"), daemon.see("/api/v2/printers/mock"), daemon.log());
     daemon.wait_job(&queued, "cancelled");
     let next = daemon.queue(&daemon.upload("next.gcode", job(1, 20).as_bytes()), "mock");
     daemon.wait_job(&next, "finished");

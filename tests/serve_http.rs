@@ -1,7 +1,7 @@
 //! What the daemon says to those who come from outside: configuration, users, limits, headers.
 mod common;
 
-use common::http::{Daemon, PASSWORD, exchange, user};
+use common::http::{Daemon, PASSWORD, exchange, poll_until, user};
 use common::{outrigger, printer::text};
 use serde_json::json;
 use std::process::{Command, Stdio};
@@ -39,11 +39,12 @@ fn a_wrong_configuration_is_told_with_its_line_and_the_nearest_name() {
 fn users_and_keys_are_made_beside_a_running_daemon() {
     let (mut daemon, state) = daemon();
     let key = user(state.path(), &["key", "slicer", "--scopes", "read"], "");
-    let mine = std::mem::replace(&mut daemon.key, key.clone());
-    common::printer::wait_until("the daemon to notice", || {
-        std::thread::sleep(common::http::POLL);
-        daemon.get("/api/v2/printers").status == 200
+    // A key that is not known yet would count as a guess: the list is asked for.
+    poll_until("the daemon to notice", || {
+        daemon.see("/api/v2/keys").as_array().unwrap().iter().any(|key| key["name"] == "slicer")
     });
+    let mine = std::mem::replace(&mut daemon.key, key.clone());
+    assert_eq!(daemon.get("/api/v2/printers").status, 200);
     // A key has its scopes and no more.
     assert_eq!(daemon.send("POST", "/api/v2/files?name=a.gcode", &[], b"G28").status, 403);
     assert_eq!(daemon.get("/api/v2/users").status, 403);

@@ -41,7 +41,7 @@ fn dialect_of(name: &str) -> Detection {
         "slic3r13-abs" => Detection::Unknown,
         "remarked-orca" => Detection::One(Dialect::Orca),
         "remarked-bambu" => Detection::One(Dialect::Bambu),
-        _ if name.starts_with("ps25-") || name == "demo" => Detection::One(Dialect::Prusa),
+        _ if name.starts_with("ps25-") || ["demo", "lamp"].contains(&name) => Detection::One(Dialect::Prusa),
         _ if name.starts_with("slic3r13-") => Detection::One(Dialect::Slic3r),
         _ if name.starts_with("cura413-") => Detection::One(Dialect::Cura),
         _ => panic!("{name}: by which slicer?"),

@@ -18,6 +18,8 @@ use tokio::sync::watch;
 pub(crate) struct AuthDesk {
     path: PathBuf,
     auth: Mutex<Auth>,
+    /// One change after the other.
+    turn: tokio::sync::Mutex<()>,
     /// One write after the other; in it what the file looked like when it was last read or written.
     seen: tokio::sync::Mutex<u64>,
     started: Instant,
@@ -40,6 +42,7 @@ impl AuthDesk {
         Ok(Self {
             path: path.to_owned(),
             auth: Mutex::new(auth),
+            turn: tokio::sync::Mutex::default(),
             seen: tokio::sync::Mutex::new(stamp_of(path)),
             started: Instant::now(),
             has_users,
@@ -73,6 +76,28 @@ impl AuthDesk {
     /// Whether there is a user, now and whenever that changes.
     pub(crate) fn has_users(&self) -> watch::Receiver<bool> {
         self.has_users.subscribe()
+    }
+
+    /// Changes users or keys: what cannot be written down has not happened.
+    ///
+    /// # Errors
+    /// The change's own, or the disk's.
+    pub(crate) async fn change<T, E: Into<Problem>>(
+        &self,
+        change: impl FnOnce(&mut Auth, u64) -> Result<T, E>,
+    ) -> Result<T, Problem> {
+        // One change after the other: between this and the writing nobody else's goes lost.
+        let _turn = self.turn.lock().await;
+        let (before, done) = {
+            let mut auth = self.lock();
+            (auth.kept().clone(), change(&mut auth, now_unix_s()))
+        };
+        let done = done.map_err(Into::into)?;
+        if let Err(problem) = self.keep().await {
+            self.lock().reload(before);
+            return Err(problem);
+        }
+        Ok(done)
     }
 
     /// Writes down what has changed, if anything has.

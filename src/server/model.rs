@@ -473,6 +473,16 @@ pub(crate) struct Mend {
     pub(crate) added_mm3: f64,
 }
 
+/// What becomes of a job that was given up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum GivenUp {
+    /// It is cancelled, and stays in the list.
+    Cancel,
+    /// It is forgotten.
+    Forget,
+}
+
 /// A file on its way to a printer.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Job {
@@ -529,6 +539,9 @@ pub(crate) struct Job {
     /// Somebody has said that nothing of it lies on the bed any more.
     #[serde(default)]
     pub(crate) cleared: bool,
+    /// It was broken off, and a person has given it up; whoever holds it is waited for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) given_up: Option<GivenUp>,
     /// A person has said that it shall be printed.
     #[serde(default)]
     pub(crate) approved: bool,

@@ -224,11 +224,19 @@ impl Shelf {
     /// The medium's; what was there before is still there.
     pub(crate) fn write_job(&self, job: &Job) -> Result<(), ShelfError> {
         let folder = self.queue().join(&job.id);
-        if !folder.is_dir() {
+        let is_new = !folder.is_dir();
+        if is_new {
             fs::DirBuilder::new().mode(0o700).create(&folder).map_err(at("make", &folder))?;
-            sync_folder(&self.queue())?;
         }
-        write_json(&folder.join("job.json"), job)
+        let written = write_json(&folder.join("job.json"), job);
+        if is_new && written.is_ok() {
+            return sync_folder(&self.queue());
+        }
+        if is_new {
+            // What was not accepted leaves nothing.
+            let _ = fs::remove_dir_all(&folder);
+        }
+        written
     }
 
     /// Removes a file and all that was made of it.

@@ -5,9 +5,12 @@
 //! a blocking thread's. What is not finished is gone with its handle.
 use super::problem::{Kind, Problem};
 use super::shelf::Shelf;
-use axum::body::Bytes;
+use axum::body::{Body, Bytes};
+use futures_util::StreamExt;
 use sha2::{Digest, Sha256};
 use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use tempfile::NamedTempFile;
 use tokio::sync::{mpsc, oneshot};
 
@@ -16,6 +19,10 @@ const MAX_PIECES: usize = 4;
 
 /// Longest name that is kept of a file, bytes: what file systems take.
 const MAX_NAME_BYTES: usize = 200;
+
+/// Bytes of a form that are read before its reader has something of them: some pieces of the
+/// network's, and far more than a part's head has.
+const MAX_AHEAD_BYTES: usize = 1 << 20;
 
 /// How much is written between two looks at the free space.
 const LOOK_BYTES: u64 = 8 << 20;
@@ -151,6 +158,32 @@ fn write(
         bytes += piece.len() as u64;
     }
     Ok(Upload { file, bytes, sha256: sum.finalize().into() })
+}
+
+/// A body of a form, for who reads it part by part: what is read ahead is bounded. Without that a
+/// part whose head never ends would be kept in memory.
+pub(crate) fn read_ahead(body: Body) -> (Body, ReadAhead) {
+    let ahead = ReadAhead::default();
+    let counted = ahead.clone();
+    let pieces = body.into_data_stream().map(move |piece| {
+        let piece = piece?;
+        match counted.0.fetch_add(piece.len(), Ordering::Relaxed) + piece.len() {
+            ..=MAX_AHEAD_BYTES => Ok(piece),
+            _ => Err(axum::Error::new("a part's head is too long")),
+        }
+    });
+    (Body::from_stream(pieces), ahead)
+}
+
+/// How much of a form was read since its reader last had something of it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ReadAhead(Arc<AtomicUsize>);
+
+impl ReadAhead {
+    /// Its reader has got something.
+    pub(crate) fn got(&self) {
+        self.0.store(0, Ordering::Relaxed);
+    }
 }
 
 /// A file's name as it may be shown: the last part of what was said, without control characters

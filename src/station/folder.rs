@@ -69,16 +69,19 @@ impl Folder {
                      --part-removed here) once the part is removed"
                 );
             }
-            self.give_up(id)?;
+            let words = format!("given up: another job was started on the same printer at {}", now_unix_s());
+            self.give_up(id, &words)?;
         }
         Ok(())
     }
 
-    /// Nobody shall resume it or make it safe while another job is printed there.
-    fn give_up(&self, id: JobId) -> anyhow::Result<()> {
+    /// Nobody shall resume a job or make it safe any more; `words` say why.
+    ///
+    /// # Errors
+    /// There is no such job, somebody holds it, or it cannot be written down.
+    pub(crate) fn give_up(&self, id: JobId, words: &str) -> anyhow::Result<()> {
         let mut held = self.store.hold_job(id)?;
-        let words = format!("given up: another job was started on the same printer at {}", now_unix_s());
-        held.journal.append(&Record::Note(words));
+        held.journal.append(&Record::Note(words.to_owned()));
         held.journal.append(&Record::State(State::Cancelled));
         held.journal.sync().with_context(|| format!("job {id} cannot be given up"))
     }

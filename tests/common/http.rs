@@ -194,9 +194,7 @@ impl Daemon {
     pub(crate) fn wait_job(&self, job: &Value, state: &str) -> Value {
         let path = format!("/api/v2/jobs/{}", job["id"].as_str().unwrap());
         let mut seen = Value::Null;
-        wait_until(&format!("job to be {state}: {seen}"), || {
-            // One source may not ask as often as it likes.
-            std::thread::sleep(POLL);
+        poll_until(&format!("job to be {state}"), || {
             seen = self.see(&path);
             let now = seen["state"].as_str().unwrap();
             let over = ["finished", "failed", "cancelled"].contains(&now);
@@ -209,8 +207,7 @@ impl Daemon {
     /// Waits until a printer is in a state, and gives it.
     pub(crate) fn wait_printer(&self, id: &str, state: &str) -> Value {
         let mut seen = Value::Null;
-        wait_until(&format!("printer {id} to be {state}"), || {
-            std::thread::sleep(POLL);
+        poll_until(&format!("printer {id} to be {state}"), || {
             seen = self.see(&format!("/api/v2/printers/{id}"));
             seen["state"] == state
         });
@@ -236,6 +233,14 @@ impl Drop for Daemon {
 
 /// Between two questions to a daemon.
 pub(crate) const POLL: Duration = Duration::from_millis(30);
+
+/// Waits for something that a daemon is asked for: one source may not ask as often as it likes.
+pub(crate) fn poll_until(what: &str, mut done: impl FnMut() -> bool) {
+    wait_until(what, || {
+        std::thread::sleep(POLL);
+        done()
+    });
+}
 
 /// The password of the tests' user.
 pub(crate) const PASSWORD: &str = "correct horse battery";

@@ -5,7 +5,9 @@ use crate::server::foreman::Message;
 use crate::server::model::{File, Kind};
 use crate::server::problem::{Kind as ProblemKind, Problem, ProblemDetails};
 use crate::server::shelf::{is_id, new_id};
-use crate::server::upload::{Bounds, Incoming, Upload, announced_digest, hex, shown_name};
+use crate::server::upload::{
+    Bounds, Incoming, ReadAhead, Upload, announced_digest, hex, read_ahead, shown_name,
+};
 use crate::station::now_unix_s;
 use axum::Json;
 use axum::body::Body;
@@ -132,13 +134,17 @@ fn broken_off(why: impl std::fmt::Display) -> Problem {
 
 /// The form's part `file`.
 async fn form(app: &App, request: Request) -> Result<(String, Upload), Problem> {
+    let (head, body) = request.into_parts();
+    let (body, ahead) = read_ahead(body);
+    let request = Request::from_parts(head, body);
     let mut form = Multipart::from_request(request, &()).await.map_err(|e| Problem::bad(e.body_text()))?;
     while let Some(part) = form.next_field().await.map_err(|e| broken_off(e.body_text()))? {
+        ahead.got();
         if part.name() != Some("file") {
             continue;
         }
         let name = shown_name(part.file_name().unwrap_or_default())?;
-        return Ok((name, take_part(app, part).await?));
+        return Ok((name, take_part(app, part, &ahead).await?));
     }
     Err(Problem::bad("the form has no part `file`"))
 }
@@ -150,9 +156,11 @@ async fn form(app: &App, request: Request) -> Result<(String, Upload), Problem> 
 pub(crate) async fn take_part(
     app: &App,
     mut part: axum::extract::multipart::Field<'_>,
+    ahead: &ReadAhead,
 ) -> Result<Upload, Problem> {
     let mut incoming = Incoming::begin(&app.shelf, bounds(app), None).await?;
     while let Some(piece) = in_time(part.chunk()).await?.map_err(|e| broken_off(e.body_text()))? {
+        ahead.got();
         incoming.piece(piece).await?;
     }
     let upload = incoming.end().await?;

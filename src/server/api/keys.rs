@@ -48,10 +48,12 @@ fn shown(key: &ApiKey) -> Key {
     }
 }
 
-fn refused(why: &KeysError) -> Problem {
-    match why {
-        KeysError::Unknown => Problem::no_such("key"),
-        why => Problem::conflict(why.to_string()),
+impl From<KeysError> for Problem {
+    fn from(why: KeysError) -> Self {
+        match why {
+            KeysError::Unknown => Problem::no_such("key"),
+            why => Problem::conflict(why.to_string()),
+        }
     }
 }
 
@@ -86,11 +88,7 @@ async fn make(
             "a key without scopes opens nothing: say some of read, print, control, admin",
         ));
     }
-    let (key, secret) = app
-        .auth
-        .with(|auth, now| auth.make_key(name, new.scopes, who.name(), now))
-        .map_err(|e| refused(&e))?;
-    app.auth.keep().await?;
+    let (key, secret) = app.auth.change(|auth, now| auth.make_key(name, new.scopes, who.name(), now)).await?;
     tracing::info!(key = key.id, name = %key.name, by = who.name(), "key made");
     Ok((StatusCode::CREATED, Json(Key { key: Some(secret.reveal().to_owned()), ..shown(&key) })))
 }
@@ -104,8 +102,7 @@ async fn revoke(
     Path(id): Path<String>,
 ) -> Result<StatusCode, Problem> {
     who.confirmed()?;
-    app.auth.with(|auth, _| auth.revoke_key(&id)).map_err(|e| refused(&e))?;
-    app.auth.keep().await?;
+    app.auth.change(|auth, _| auth.revoke_key(&id)).await?;
     tracing::info!(key = id, by = who.name(), "key revoked");
     Ok(StatusCode::NO_CONTENT)
 }

@@ -184,14 +184,22 @@ async fn set_up(
     })?;
     let hash =
         blocking(move || PasswordHash::of(&password)).await?.map_err(|e| Problem::bad(e.to_string()))?;
-    let login =
-        app.auth.with(|auth, now| auth.finish_setup(pass, name, hash, now)).map_err(|why| match why {
-            SetupError::NoRandom(why) => Problem::internal(why.to_string()),
-            why => Problem::conflict(why.to_string()),
-        })?;
-    app.auth.keep().await?;
+    let made = app.auth.change(|auth, now| auth.finish_setup(pass, name, hash, now)).await;
+    let login = made.inspect_err(|_| {
+        // The code is spent, and nobody came of it.
+        show_code(&app);
+    })?;
     tracing::info!(user = login.who.name, role = Role::Admin.word(), "the first user was made");
     Ok(begun(&app, &login, peer))
+}
+
+impl From<SetupError> for Problem {
+    fn from(why: SetupError) -> Self {
+        match why {
+            SetupError::NoRandom(why) => Problem::internal(why.to_string()),
+            why => Problem::conflict(why.to_string()),
+        }
+    }
 }
 
 /// Shows a new one-time code where the daemon's owner reads.

@@ -24,10 +24,12 @@ struct User {
     role: &'static str,
 }
 
-fn refused(why: &UsersError) -> Problem {
-    match why {
-        UsersError::Unknown => Problem::no_such("user"),
-        why => Problem::conflict(why.to_string()),
+impl From<UsersError> for Problem {
+    fn from(why: UsersError) -> Self {
+        match why {
+            UsersError::Unknown => Problem::no_such("user"),
+            why => Problem::conflict(why.to_string()),
+        }
     }
 }
 
@@ -73,8 +75,7 @@ async fn add(
     let (name, role) = (name(&new.name)?, new.role);
     let hash = hash(new.password).await?;
     let told = User { name: name.to_string(), role: role.word() };
-    app.auth.with(|auth, now| auth.add_user(name, role, hash, now)).map_err(|e| refused(&e))?;
-    app.auth.keep().await?;
+    app.auth.change(|auth, now| auth.add_user(name, role, hash, now)).await?;
     tracing::info!(user = told.name, role = told.role, by = who.name(), "user added");
     Ok((StatusCode::CREATED, Json(told)))
 }
@@ -89,8 +90,7 @@ async fn remove(
 ) -> Result<StatusCode, Problem> {
     who.confirmed()?;
     let name = name(&user)?;
-    app.auth.with(|auth, _| auth.remove_user(&name)).map_err(|e| refused(&e))?;
-    app.auth.keep().await?;
+    app.auth.change(|auth, _| auth.remove_user(&name)).await?;
     tracing::info!(user, by = who.name(), "user removed");
     Ok(StatusCode::NO_CONTENT)
 }
@@ -113,8 +113,7 @@ async fn password(
     who.confirmed()?;
     let name = name(&user)?;
     let hash = hash(password).await?;
-    app.auth.with(|auth, _| auth.set_password(&name, hash)).map_err(|e| refused(&e))?;
-    app.auth.keep().await?;
+    app.auth.change(|auth, _| auth.set_password(&name, hash)).await?;
     tracing::info!(user, by = who.name(), "password changed");
     Ok(StatusCode::NO_CONTENT)
 }

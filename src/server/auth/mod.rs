@@ -140,6 +140,11 @@ impl Auth {
         self.kept.users.is_empty()
     }
 
+    /// What is kept, as it is now.
+    pub(crate) fn kept(&self) -> &Kept {
+        &self.kept
+    }
+
     /// What must be written, if anything has changed since the last call. Whoever takes it writes it
     /// before anybody takes the next: the later one would be overwritten.
     pub(crate) fn take_change(&mut self) -> Option<Kept> {

@@ -4,7 +4,7 @@ use crate::job::host::Request;
 use crate::server::actor::Order;
 use crate::server::config::OnFindings;
 use crate::server::inspect::Work;
-use crate::server::model::{Can, CheckState, Job, Kind, Level, Mend, Printed, Stage};
+use crate::server::model::{Can, CheckState, GivenUp, Job, Kind, Level, Mend, Printed, Stage};
 use crate::server::shelf::new_id;
 use crate::station::now_unix_s;
 
@@ -143,6 +143,12 @@ impl Foreman {
                 job.state = Stage::Cancelled;
                 job.ended_unix_s = Some(now_unix_s());
             })?,
+            (Can::Cancel, Stage::Interrupted) => self.give_up(id, GivenUp::Cancel)?,
+            (Can::Forget, Stage::Interrupted) => {
+                let shown = self.shown(id);
+                self.give_up(id, GivenUp::Forget)?;
+                return Ok(shown);
+            }
             (Can::Cancel, _) => self.ask(&printer, Request::Cancel)?,
             (Can::Pause, _) => self.ask(&printer, Request::Pause)?,
             (Can::Confirm, _) => self.ask(&printer, Request::Confirm)?,
@@ -157,6 +163,18 @@ impl Foreman {
         }
         self.show(id);
         Ok(self.shown(id))
+    }
+
+    /// A broken-off job is no longer wanted. A host that waits for a person's word leaves it first.
+    fn give_up(&mut self, id: &str, how: GivenUp) -> Result<(), Refusal> {
+        self.changed(id, |job| job.given_up = Some(how))?;
+        let printer = self.jobs[id].printer.clone();
+        let place = self.places.get(&printer);
+        let held = place.is_some_and(|place| place.handle.board.picture().job.as_deref() == Some(id));
+        match held {
+            true => self.ask(&printer, Request::Cancel),
+            false => start::close(self, id),
+        }
     }
 
     pub(super) fn ask(&self, printer: &str, request: Request) -> Result<(), Refusal> {

@@ -3,13 +3,19 @@
 //! Opening a job reads its whole file, which takes seconds for a large one on a Pi: that is done by
 //! a thread of its own, which sends word.
 use super::{Foreman, Message, NotReady, Ready, Refusal};
-use crate::job::disk::Store;
+use crate::job::disk::{Store, StoreError};
 use crate::job::host::Begin;
 use crate::job::state::State;
 use crate::server::actor::Print;
-use crate::server::model::{Job, Printed, Stage};
+use crate::server::model::{GivenUp, Job, Printed, Stage};
 use crate::station::{Folder, Job as Checked, lasting_name, now_unix_s};
 use std::path::PathBuf;
+use std::time::Duration;
+
+/// How often a job that is still held is tried, and the pause between: its journal's thread ends
+/// within a second.
+const BUSY_TRIES: u32 = 40;
+const BUSY_PAUSE: Duration = Duration::from_millis(50);
 
 /// Where the bytes are that are printed.
 fn path(foreman: &Foreman, job: &Job) -> PathBuf {
@@ -86,18 +92,43 @@ fn in_thread(foreman: &Foreman, id: &str, get: impl FnOnce() -> Ready + Send + '
     }
 }
 
-/// Nobody shall hear of a job any more; of a broken-off one its part is removed.
-pub(super) fn forget(foreman: &mut Foreman, id: &str) -> Result<(), Refusal> {
+/// Ends a broken-off job that nobody holds any more: nobody shall resume it or make it safe.
+pub(super) fn close(foreman: &mut Foreman, id: &str) -> Result<(), Refusal> {
     let job = foreman.jobs.get(id).ok_or(Refusal::NoSuch("job"))?;
-    let printer = job.printer.clone();
-    if let Some(record) = job.record
-        && job.state == Stage::Interrupted
-    {
-        match foreman.means.folder.store.forget(record, true) {
-            Ok(()) | Err(crate::job::disk::StoreError::NoJob(_)) => {}
-            Err(why) => return Err(Refusal::Conflict(why.to_string())),
+    if let Some(record) = job.record {
+        let gone = |why: &anyhow::Error| matches!(why.downcast_ref(), Some(StoreError::NoJob(_)));
+        match given_up(&foreman.means.folder, record) {
+            Err(why) if !gone(&why) => return Err(Refusal::Conflict(format!("{why:#}"))),
+            _ => {}
         }
     }
+    if foreman.jobs[id].given_up == Some(GivenUp::Forget) {
+        return forget(foreman, id);
+    }
+    foreman.change(id, |job| {
+        (job.state, job.error) = (Stage::Cancelled, None);
+        job.ended_unix_s = Some(now_unix_s());
+    });
+    Ok(())
+}
+
+/// Who has just ended may still hold it for a moment.
+fn given_up(folder: &Folder, record: u32) -> anyhow::Result<()> {
+    let mut tries = 0;
+    loop {
+        match folder.give_up(record, "given up by a person") {
+            Err(why) if tries < BUSY_TRIES && matches!(why.downcast_ref(), Some(StoreError::Busy(_))) => {
+                tries += 1;
+                std::thread::sleep(BUSY_PAUSE);
+            }
+            done => return done,
+        }
+    }
+}
+
+/// Nobody shall hear of a job any more.
+pub(super) fn forget(foreman: &mut Foreman, id: &str) -> Result<(), Refusal> {
+    let printer = foreman.jobs.get(id).ok_or(Refusal::NoSuch("job"))?.printer.clone();
     foreman.means.shelf.remove_job(id)?;
     foreman.jobs.remove(id);
     foreman.means.view.gone("job", id);

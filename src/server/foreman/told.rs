@@ -80,6 +80,12 @@ impl Foreman {
                         }
                     }
                 });
+                let given_up = |job: &Job| job.given_up.is_some() && job.state == Stage::Interrupted;
+                if self.jobs.get(&job).is_some_and(given_up)
+                    && let Err(why) = start::close(self, &job)
+                {
+                    self.change(&job, |job| job.error = Some(why.to_string()));
+                }
                 self.show_place(printer);
             }
         }

@@ -9,7 +9,7 @@ use crate::server::app::App;
 use crate::server::asker::Who;
 use crate::server::model::{File, Job, Stage};
 use crate::server::problem::{Kind, Problem};
-use crate::server::upload::{Upload, shown_name};
+use crate::server::upload::{ReadAhead, Upload, read_ahead, shown_name};
 use axum::extract::multipart::Field;
 use axum::extract::{FromRequest, Multipart, Request};
 use std::collections::BTreeMap;
@@ -42,13 +42,15 @@ impl Form {
         request: Request,
         free: impl Fn(&str) -> Result<(), Problem>,
     ) -> Result<Self, Problem> {
-        let mut form = Multipart::from_request(request, &()).await.map_err(|e| {
+        let (head, body) = request.into_parts();
+        let (body, ahead) = read_ahead(body);
+        let mut form = Multipart::from_request(Request::from_parts(head, body), &()).await.map_err(|e| {
             Problem::new(Kind::Unsupported, format!("a file comes as multipart/form-data: {}", e.body_text()))
         })?;
-        match Self::parts(app, &mut form, free).await {
+        match Self::parts(app, &mut form, &ahead, free).await {
             Ok(form) => Ok(form),
             Err(why) => {
-                drain(&mut form, app.config.server.max_upload_bytes()).await;
+                drain(&mut form, &ahead, app.config.server.max_upload_bytes()).await;
                 Err(why)
             }
         }
@@ -57,6 +59,7 @@ impl Form {
     async fn parts(
         app: &App,
         form: &mut Multipart,
+        ahead: &ReadAhead,
         free: impl Fn(&str) -> Result<(), Problem>,
     ) -> Result<Self, Problem> {
         let (mut file, mut fields) = (None, BTreeMap::new());
@@ -65,11 +68,12 @@ impl Form {
                 let (name, upload) = file.ok_or_else(|| Problem::bad("the form has no part `file`"))?;
                 return Ok(Self { name, upload, fields });
             };
+            ahead.got();
             match part.name() {
                 Some("file") if file.is_none() => {
                     let name = shown_name(&unescaped(part.file_name().unwrap_or_default()))?;
                     free(&name)?;
-                    file = Some((name, take_part(app, part).await?));
+                    file = Some((name, take_part(app, part, ahead).await?));
                 }
                 _ => {
                     let name = part.name().unwrap_or_default().to_owned();
@@ -108,11 +112,13 @@ async fn text(mut part: Field<'_>) -> Result<String, Problem> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-async fn drain(form: &mut Multipart, most_bytes: u64) {
+async fn drain(form: &mut Multipart, ahead: &ReadAhead, most_bytes: u64) {
     let (mut bytes, mut parts) = (0_u64, 0);
     while let Ok(Some(mut part)) = form.next_field().await {
         parts += 1;
+        ahead.got();
         while let Ok(Some(piece)) = part.chunk().await {
+            ahead.got();
             bytes += piece.len() as u64;
             if bytes > most_bytes || parts > MAX_PARTS {
                 return;
