@@ -3,7 +3,7 @@
 //! transcripts' form.
 mod common;
 
-use common::http::{Answer, Daemon, PASSWORD, POLL, exchange, read_answer, user};
+use common::http::{Answer, Daemon, PASSWORD, POLL, exchange, poll_until, read_answer, user};
 use common::printer::{Mock, PATIENCE, wait_until};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -242,6 +242,11 @@ fn what_slicers_send_is_understood() {
                 continue;
             }
             let named = Exchange { name: format!("{} {}", path.display(), exchange.name), ..exchange };
+            // After a job the port is opened anew, for a moment.
+            poll_until("the printer to be there", || {
+                let state = host.daemon.see("/api/v2/printers/mock")["state"].clone();
+                ["ready", "busy"].contains(&state.as_str().unwrap_or_default())
+            });
             play(&host, &file, &named, &mut known, without_digest);
         }
     }

@@ -321,6 +321,9 @@ fn after_a_power_cut_nothing_moves_before_a_persons_word() {
     let job = daemon.queue(&daemon.upload("tall.gcode", &tall_job(12)), "mock");
     let broken = daemon.wait_job(&job, "interrupted");
     assert!(broken["can"].as_array().unwrap().contains(&json!("resume")), "{broken}");
+    daemon.wait_printer("mock", "ready");
+    let path = format!("/api/v2/jobs/{}/actions", job["id"].as_str().unwrap());
+    assert_eq!(daemon.post(&path, &json!({"action": "resume"})).status, 200);
     let mut plan = Value::Null;
     poll_until("the way back", || {
         plan = daemon.see("/api/v2/printers/mock")["plan"].clone();

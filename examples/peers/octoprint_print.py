@@ -103,4 +103,5 @@ def main():
                 octoprint.wait()
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -162,6 +162,7 @@ impl From<Refusal> for Problem {
             Refusal::NoSuch(what) => Problem::no_such(what),
             Refusal::Conflict(words) => Problem::conflict(words),
             Refusal::Shelf(why) if why.is_full() => {
+                tracing::warn!("{why}");
                 Problem::new(Kind::NoSpace, format!("{why}: make room, or delete files"))
             }
             Refusal::Shelf(why) => Problem::internal(why.to_string()),

@@ -150,6 +150,7 @@ fn write(
         }
         file.write_all(&piece).map_err(|e| match e.kind() {
             std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+                tracing::warn!("an upload was refused: {e}");
                 Problem::new(Kind::NoSpace, "the disk is full: delete files")
             }
             _ => Problem::internal(format!("cannot write the upload: {e}")),
