@@ -1107,3 +1107,23 @@ fn heads_that_never_end_are_given_up() {
     assert!(answered_in() < Duration::from_secs(2));
     daemon.end();
 }
+
+#[test]
+fn bodies_that_never_come_are_given_up() {
+    let state = tempfile::tempdir().unwrap();
+    let daemon = behind_a_proxy(state.path());
+    // No key is needed for it: the body is read to see who logs in.
+    let silent = b"POST /api/v2/session HTTP/1.1\r\nHost: a\r\nContent-Type: application/json\r\nContent-Length: 99\r\n\r\n{";
+    let held: Vec<_> = (0..520)
+        .map(|_| {
+            let mut stream = TcpStream::connect(daemon.address).unwrap();
+            stream.write_all(silent).unwrap();
+            stream
+        })
+        .collect();
+    let began = Instant::now();
+    assert_eq!(daemon.get("/api/v2/printers").status, 200);
+    assert!(began.elapsed() < Duration::from_secs(60), "{:?}", began.elapsed());
+    drop(held);
+    daemon.end();
+}

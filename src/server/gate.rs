@@ -5,12 +5,18 @@ use super::app::App;
 use super::asker::source;
 use super::config::webcam_origin;
 use super::http::Peer;
+use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use futures_util::StreamExt;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+use tokio::time::timeout;
+
+/// A client that sends nothing of its body for so long has gone.
+const SILENT: Duration = Duration::from_secs(30);
 
 /// What a browser may do with the page: nothing but what came from here.
 pub(crate) fn policy(app: &App) -> String {
@@ -32,6 +38,22 @@ fn told(path: &str) -> String {
     }
 }
 
+/// A body whose client falls silent ends with a fault: nobody holds connections by announcing what
+/// never comes, known or not.
+fn unless_silent(body: Body) -> Body {
+    let pieces = futures_util::stream::try_unfold(body.into_data_stream(), |mut pieces| async move {
+        match timeout(SILENT, pieces.next()).await {
+            Ok(Some(piece)) => Ok(Some((piece?, pieces))),
+            Ok(None) => Ok(None),
+            Err(_) => {
+                let words = format!("nothing came for {} s", SILENT.as_secs());
+                Err(axum::Error::new(std::io::Error::other(words)))
+            }
+        }
+    });
+    Body::from_stream(pieces)
+}
+
 /// The layer around all routes.
 pub(crate) async fn pass(
     State((app, policy)): State<(Arc<App>, HeaderValue)>,
@@ -43,7 +65,7 @@ pub(crate) async fn pass(
     let (method, path) = (request.method().clone(), told(request.uri().path()));
     let encrypted = request.extensions().get::<Peer>().is_some_and(|peer| peer.encrypted);
     let mut response = match app.auth.admit(from) {
-        Ok(()) => next.run(request).await,
+        Ok(()) => next.run(request.map(unless_silent)).await,
         Err(problem) => problem.into_response(),
     };
     let headers = response.headers_mut();

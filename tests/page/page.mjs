@@ -294,12 +294,16 @@ await step('emergency stop, one press, with a dialog open', async () => {
   await browser.look(page, 'job-stopped');
 });
 
-await step('the printer comes back; the job that was stopped is forgotten', async () => {
+await step('the printer comes back; the job that was stopped is given up, and forgotten', async () => {
   const hash = new URL(page.url()).hash;
   await go('#/printer/mock');
   await state('Ready');
   await browser.look(page, 'printer-stopped');
+  await press('Give it up…');
+  await press('Yes, give it up');
+  await page.waitForFunction(() => !document.body.innerText.includes('A print was broken off'));
   await go(hash);
+  await state('Cancelled');
   await press('Forget…');
   await press('Yes, forget it');
   await heading(printer);

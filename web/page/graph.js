@@ -16,6 +16,7 @@ const SPANS = [[300, 1], [600, 2], [1800, 10]];
 const SPAN_S = 1800;
 const SIZE = { height: 220, left: 48, right: 8, top: 10, bottom: 24 };
 const LEAST_TOP_C = 60;
+const LEAST_WORDS_PX = 60;
 // Where samples are this many steps apart the printer was away, and the line has a gap.
 const GAP_STEPS = 4;
 // Line of the sample, and of what it aims at.
@@ -64,9 +65,12 @@ function draw(svg, samples, everyS) {
   for (let c = 0; c <= topC; c += step) {
     parts.push(el('line', { class: 'grid', x1: left, x2: width - right, y1: y(c), y2: y(c) }), el('text', { x: left - 6, y: y(c) + 4, 'text-anchor': 'end' }, c + step > topC ? `${c} °C` : String(c)));
   }
+  const tight = (width - left - right) / (spanS / 60 / everyM) < LEAST_WORDS_PX;
   for (let m = 0; m <= spanS / 60; m += everyM) {
     const at = x(end - m * 60);
     parts.push(el('line', { class: 'grid', x1: at, x2: at, y1: top, y2: height - bottom }));
+    // Words that would run into each other are left out, every other one.
+    if (tight && (m / everyM) % 2 !== 0) continue;
     parts.push(el('text', { x: at, y: height - 7, 'text-anchor': m === 0 ? 'end' : m * 60 === spanS ? 'start' : 'middle' }, m === 0 ? W.graph.now : W.graph.minutes(m)));
   }
   const shown = samples.filter(([s]) => s >= end - spanS);

@@ -9,7 +9,7 @@ import { W } from './words.js';
 import { button } from './actions.js';
 
 export function lockedList(title, fetchList, drawList) {
-  const place = el('div', {});
+  const place = el('div', { class: 'part' });
   const load = async () => {
     const focused = place.contains(document.activeElement);
     const list = await fetchList();

@@ -76,7 +76,7 @@ export function queuePanel(scope, id) {
   });
   const rows = scope.part(what, (jobs) => {
     const queue = jobs.map(({ job }) => job);
-    return queue.length ? el('ol', { class: 'rows' }, queue.map((_, place) => row(id, queue, place, dragged))) : el('p', { class: 'faint' }, W.queue.none);
+    return queue.length ? el('ol', { class: 'rows' }, queue.map((_, place) => row(id, queue, place, dragged))) : el('p', { class: 'faint' }, may('print') ? W.queue.noneSend : W.queue.none);
   });
   const hold = tick(W.queue.hold, { checked: wish.hold, on: { change: (event) => { wish.hold = event.target.checked; } } });
   return section(W.queue.title, {}, rows,

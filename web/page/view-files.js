@@ -70,6 +70,6 @@ export function view(scope) {
     el('div', { class: 'find' }, field(W.files.search, search)),
     scope.part(ids, (list, inner) => (list.length
       ? el('ul', { class: 'files' }, list.map((id) => row(inner, id)))
-      : el('p', { class: 'empty' }, store.files.size ? W.files.noMatch : W.files.none))),
+      : el('p', { class: 'empty' }, store.files.size ? W.files.noMatch : may('print') ? W.files.noneSend : W.files.none))),
   ];
 }

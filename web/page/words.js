@@ -126,7 +126,7 @@ export const W = {
     from: { printer: 'printer', us: 'sent', note: 'note' }, hint: 'Enter sends; ↑ and ↓ bring back what you sent.',
   },
   queue: {
-    title: 'Queue', none: 'The queue is empty. Drop a file anywhere on this page, or choose one.', up: (name) => `Move ${name} up`, down: (name) => `Move ${name} down`,
+    title: 'Queue', none: 'The queue is empty.', noneSend: 'The queue is empty. Drop a file anywhere on this page, or choose one.', up: (name) => `Move ${name} up`, down: (name) => `Move ${name} down`,
     moved: (name, place, of) => `${name} is at place ${place} of ${of}.`, drag: 'Drag to order', take: 'Take out…', takeAsk: (name) => `Take “${name}” out of the queue?`, takeYes: 'Yes, take it out',
     choose: 'Send a file…', hold: 'Hold what I send until I have looked', unknown: 'a job',
   },
@@ -190,7 +190,7 @@ export const W = {
     short: { waiting: 'waits', checking: 'checking…', clean: 'clean', found: 'findings', failed: 'not checked' }, list: 'Findings',
   },
   files: {
-    title: 'Files', none: 'No files yet. Drop one anywhere on this page.', search: 'Find by name', choose: 'Send a file…', by: (who) => `from ${who}`, printOn: 'Print on', print: 'Print',
+    title: 'Files', none: 'No files yet.', noneSend: 'No files yet. Drop one anywhere on this page.', search: 'Find by name', choose: 'Send a file…', by: (who) => `from ${who}`, printOn: 'Print on', print: 'Print',
     download: 'Download', remove: 'Delete…', removeAsk: (name) => `Delete “${name}”?`, removeYes: 'Yes, delete it', removed: (name) => `“${name}” is deleted.`, count: (n) => many(n, 'file', 'files'),
     noMatch: 'No file has that in its name.', kind: { gcode: 'G-code', resin: 'resin job', unknown: 'unknown kind' }, picture: 'Picture', checkOn: (printer) => `${printer}:`, actions: (name) => `What to do with ${name}`,
     queued: (name, printer) => `“${name}” is queued on ${printer}.`,

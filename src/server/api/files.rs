@@ -18,14 +18,9 @@ use futures_util::TryStreamExt;
 use serde::Deserialize;
 use std::path::Path as FilePath;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::io::AsyncReadExt;
-use tokio::time::timeout;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
-
-/// A client that sends nothing for so long has gone: its upload is given up.
-const SILENT: Duration = Duration::from_secs(60);
 
 /// Bytes that are read of a file at a time.
 const PIECE_BYTES: usize = 64 << 10;
@@ -112,7 +107,7 @@ fn bounds(app: &App) -> Bounds {
 pub(crate) async fn take(app: &App, announced: Option<u64>, body: Body) -> Result<Upload, Problem> {
     let mut incoming = Incoming::begin(&app.shelf, bounds(app), announced).await?;
     let mut pieces = body.into_data_stream();
-    while let Some(piece) = in_time(pieces.try_next()).await?.map_err(broken_off)? {
+    while let Some(piece) = pieces.try_next().await.map_err(broken_off)? {
         incoming.piece(piece).await?;
     }
     let upload = incoming.end().await?;
@@ -120,12 +115,6 @@ pub(crate) async fn take(app: &App, announced: Option<u64>, body: Body) -> Resul
         return Err(Problem::bad("the file is empty"));
     }
     Ok(upload)
-}
-
-/// The next piece, unless the client has fallen silent.
-async fn in_time<T>(piece: impl Future<Output = T>) -> Result<T, Problem> {
-    let silent = |_| broken_off(format!("nothing came for {} s", SILENT.as_secs()));
-    timeout(SILENT, piece).await.map_err(silent)
 }
 
 fn broken_off(why: impl std::fmt::Display) -> Problem {
@@ -159,7 +148,7 @@ pub(crate) async fn take_part(
     ahead: &ReadAhead,
 ) -> Result<Upload, Problem> {
     let mut incoming = Incoming::begin(&app.shelf, bounds(app), None).await?;
-    while let Some(piece) = in_time(part.chunk()).await?.map_err(|e| broken_off(e.body_text()))? {
+    while let Some(piece) = part.chunk().await.map_err(|e| broken_off(e.body_text()))? {
         ahead.got();
         incoming.piece(piece).await?;
     }
