@@ -166,7 +166,11 @@ fn jog_heat_and_console_are_for_a_printer_without_a_job() {
     wait_until("a warm nozzle", || mock.now()["nozzle_target_c"] == 60.0);
     poll_until("the printer's words", || {
         let console = daemon.see("/api/v2/printers/mock/console");
-        console["lines"].as_array().unwrap().iter().any(|line| line["from"] == "us" && line["text"] == "M115")
+        let lines = console["lines"].as_array().unwrap();
+        let said = |from: &str, words: &str| {
+            lines.iter().any(|line| line["from"] == from && line["text"].as_str().unwrap().contains(words))
+        };
+        said("us", "M115") && said("printer", "FIRMWARE_NAME")
     });
     poll_until("a temperature", || {
         daemon.see("/api/v2/printers/mock")["temperatures"]["nozzle"]["target_c"] == 60.0

@@ -48,9 +48,11 @@ pub(super) fn write(
     let is_told = |u: &&Unheld| report.unroutable.iter().any(|told| told.place_mm == u.place_mm);
     let unheld: Vec<Unheld> = made.points.unheld.iter().filter(is_told).copied().collect();
     let method = turn::Method { name: report.method, forest: &made.forest, unheld: &unheld, figures };
-    let title = part.file_name().unwrap_or_default().to_string_lossy();
+    // What people know it by, without the folders before it.
+    let name = files::display_name(part);
+    let title = name.rsplit('/').next().unwrap_or_default();
     let scene = turn::Scene {
-        title: &title,
+        title,
         vertices: surface.vertices,
         triangles: surface.triangles,
         needs: &demand.needs,

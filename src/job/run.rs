@@ -10,6 +10,7 @@
 //! they are, and the user is told. Nobody may resume until the records are kept, for
 //! what goes on without them could later be printed twice. The thread goes on trying.
 use super::host::{Host, HostEvent, PortWish, Request};
+use super::record::Checkpoint;
 use super::recover::Plan;
 use super::scribe::Scribe;
 use super::state::State;
@@ -68,9 +69,9 @@ pub fn mailbox() -> (mpsc::Sender<Mail>, mpsc::Receiver<Mail>) {
 pub trait Watcher {
     /// Something happened.
     fn event(&mut self, event: &HostEvent);
-    /// Lines of the file up to this one are acknowledged. Called after every
+    /// Lines of the file up to this place are acknowledged. Called after every
     /// exchange with the printer, so it must cost next to nothing.
-    fn acknowledged(&mut self, job_line: u64);
+    fn acknowledged(&mut self, at: &Checkpoint);
     /// The way back into the job, which waits for a person's word.
     fn planned(&mut self, _plan: &Plan) {}
 }
@@ -201,7 +202,7 @@ struct Run<'a, W> {
 
 impl<W: Watcher> Run<'_, W> {
     fn tell<S: Source>(&mut self, host: &mut Host<S>) {
-        self.watcher.acknowledged(host.position().line);
+        self.watcher.acknowledged(&host.position());
         while let Some(event) = host.poll_event() {
             self.watcher.event(&event);
             if event == HostEvent::Planned

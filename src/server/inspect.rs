@@ -8,7 +8,7 @@
 use super::config;
 use super::model::{Check, CheckState, Finding, Kind, Mend, MendState, Severity};
 use super::shelf::Shelf;
-use crate::station::guardian::PROGRAM;
+use crate::station::guardian::program;
 use rustix::process::{Pid, Resource, Rlimit, Signal, kill_process, prlimit, setpriority_process};
 use serde_json::Value;
 use std::ffi::OsStr;
@@ -290,7 +290,7 @@ impl Inspector {
 
     fn try_run(&self, verb: &[&OsStr], name: &str) -> std::io::Result<Ran> {
         let mut said = tempfile::tempfile()?;
-        let mut child = Command::new(PROGRAM)
+        let mut child = Command::new(program())
             .args(verb)
             // What people know the file by, in reports and pictures.
             .env("SLIC3R_PP_OUTPUT_NAME", name)
@@ -335,7 +335,12 @@ impl Inspector {
             None if status.code().is_none() => {
                 format!("it was ended ({status}), most likely for want of memory (check.memory_mb)")
             }
-            None => last_line(&mut said)?,
+            None => match last_line(&mut said)? {
+                words if words.is_empty() && !status.success() => {
+                    format!("it ended with {status} and said nothing")
+                }
+                words => words,
+            },
         };
         Ok(Ran { status: Some(status), words })
     }
@@ -371,12 +376,18 @@ fn gain(told: &Value) -> String {
         let (before, after) = (number(&format!("{what}_before")), number(&format!("{what}_after")));
         if before > 0.0 { (1.0 - after / before) * 100.0 } else { 0.0 }
     };
-    format!(
-        "infill reordered: {:.0} % less travel, {:.0} % fewer lifts, {:.0} % fewer retractions",
-        change("travel_mm"),
-        change("lifts"),
-        change("retractions")
-    )
+    let gains =
+        [("less travel", "travel_mm"), ("fewer lifts", "lifts"), ("fewer retractions", "retractions")];
+    let told: Vec<String> = gains
+        .iter()
+        .map(|(words, what)| (words, change(what).round()))
+        .filter(|(_, percent)| *percent >= 1.0)
+        .map(|(words, percent)| format!("{percent} % {words}"))
+        .collect();
+    match told.is_empty() {
+        true => "infill reordered".to_owned(),
+        false => format!("infill reordered: {}", told.join(", ")),
+    }
 }
 
 /// What people should know of a report of `outrigger check`.

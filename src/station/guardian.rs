@@ -7,8 +7,11 @@ use std::ffi::OsString;
 use std::process::{Command, Stdio};
 
 /// This program, also where its file was replaced or removed since it was started: an update in
-/// the middle of a print.
-pub(crate) const PROGRAM: &str = "/proc/self/exe";
+/// the middle of a print. OUTRIGGER_EXE names another way to run it: under an emulator, which does not
+/// reach what is started from within.
+pub(crate) fn program() -> OsString {
+    std::env::var_os("OUTRIGGER_EXE").unwrap_or_else(|| "/proc/self/exe".into())
+}
 
 /// Starts a guardian for a job that this process prints.
 ///
@@ -25,7 +28,7 @@ pub(crate) fn start(store: &Store, id: JobId) -> anyhow::Result<()> {
 /// This program cannot be found or started.
 pub(crate) fn spawn(store: &Store, arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<()> {
     let state = std::path::absolute(store.path()).context("cannot find the folder of the jobs")?;
-    let mut child = Command::new(PROGRAM)
+    let mut child = Command::new(program())
         .args(arguments)
         .arg("--state")
         .arg(state)

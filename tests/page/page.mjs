@@ -169,7 +169,7 @@ await step('jog: home and a step by the arrow key', async () => {
 await step('console: a command and what the printer says to it', async () => {
   await page.locator('input[aria-label=Command]').fill('M503');
   await page.keyboard.press('Enter');
-  await page.waitForFunction(() => document.querySelector('.log').textContent.includes('unknown command: "M503"'));
+  await page.waitForFunction(() => document.querySelector('.log').textContent.includes('Unknown command: "M503"'));
 });
 
 await step(`${jobName} is sent by the page's own file input, and held`, async () => {

@@ -2,6 +2,7 @@
 use crate::cli::print::{letters, runtime};
 use crate::job::disk::{JobId, Store, StoreError};
 use crate::job::host::{Begin, Host, HostEvent};
+use crate::job::record::Checkpoint;
 use crate::job::record::{Log, Record};
 use crate::job::run::{End, Watcher, Wires, run};
 use crate::job::scribe::Scribe;
@@ -117,5 +118,5 @@ struct Nobody;
 
 impl Watcher for Nobody {
     fn event(&mut self, _: &HostEvent) {}
-    fn acknowledged(&mut self, _: u64) {}
+    fn acknowledged(&mut self, _: &Checkpoint) {}
 }

@@ -5,6 +5,7 @@
 //! gone must not end a print.
 use super::Person;
 use crate::job::host::{HostEvent, Request};
+use crate::job::record::Checkpoint;
 use crate::job::recover::Plan;
 use crate::job::run::{Mail, Watcher};
 use crate::printer::job_file::Checked;
@@ -223,7 +224,8 @@ impl Watcher for Show {
         self.ask();
     }
 
-    fn acknowledged(&mut self, job_line: u64) {
+    fn acknowledged(&mut self, at: &Checkpoint) {
+        let job_line = at.line;
         if job_line == self.line {
             return;
         }

@@ -5,7 +5,9 @@
 use super::{Actor, Idle, Order, Told};
 use crate::job::host::Request;
 use crate::printer::find::Connection;
+use crate::printer::lines::LineSplitter;
 use crate::printer::port::Moved;
+use crate::printer::reply::{self, Reply};
 use crate::printer::session::{Ending, Event, Outcome, Session, Settings};
 use crate::profile::printer::HardStop;
 use crate::server::model::{Level, Link, Question};
@@ -74,7 +76,10 @@ pub(super) async fn idle(
             },
             moved = connection.port.exchange(&mut input, quiet.session.output()) => match moved {
                 Ok(Moved::Wrote(len)) => quiet.session.written(len),
-                Ok(Moved::Read(len)) => quiet.session.on_bytes(&input[..len], ms(started)),
+                Ok(Moved::Read(len)) => {
+                    quiet.overhear(&input[..len]);
+                    quiet.session.on_bytes(&input[..len], ms(started));
+                }
                 Err(e) => quiet.session.link_lost(e.to_string()),
             },
             () = sleep_until(due.unwrap_or_else(|| Instant::now() + IDLE)) => {}
@@ -112,6 +117,8 @@ fn ms(started: Instant) -> u64 {
 struct Quiet<'a> {
     actor: &'a Actor,
     session: Session,
+    /// For the console: the session keeps none of what it understands.
+    lines: LineSplitter,
     connected: bool,
     firmware: Option<String>,
     /// Why it is over.
@@ -129,6 +136,7 @@ impl<'a> Quiet<'a> {
         Self {
             actor,
             session: Session::new(wire, 0),
+            lines: LineSplitter::default(),
             connected: false,
             firmware: None,
             ended: None,
@@ -166,6 +174,20 @@ impl<'a> Quiet<'a> {
         }
     }
 
+    /// What the printer says goes to the console as it is said, but for what comes all the time.
+    fn overhear(&mut self, bytes: &[u8]) {
+        let (board, connected) = (&self.actor.board, self.connected);
+        self.lines.push(bytes, |line| {
+            let usual = matches!(
+                reply::parse(line),
+                Reply::Ok(_) | Reply::Wait | Reply::Busy(_) | Reply::Temperatures(_)
+            );
+            if connected && !usual {
+                board.console(now_unix_s(), "printer", &String::from_utf8_lossy(line));
+            }
+        });
+    }
+
     /// Shows what the session tells.
     fn tell(&mut self) {
         let (board, at) = (&self.actor.board, now_unix_s());
@@ -197,10 +219,6 @@ impl<'a> Quiet<'a> {
                     let words = waiting.map(|w| news::waiting(Some(w)).to_owned());
                     board.change(|p| p.waits_for_user = words);
                 }
-                Event::Note(text) | Event::PrinterError(text) => board.console(at, "printer", &text),
-                Event::UnknownCommand(text) => {
-                    board.console(at, "printer", &format!("unknown command: {text}"));
-                }
                 Event::Action(action) => board.message(at, Level::Info, news::action(&action)),
                 Event::EmergencyStopped { by } => board.message(at, Level::Error, news::stopped(by)),
                 Event::LinkLost { reason } => self.ended = Some(reason),
@@ -217,7 +235,11 @@ impl<'a> Quiet<'a> {
                         "{resends} resends in {lines} lines; check the cable, its shielding and the baud rate"
                     ),
                 ),
-                Event::Position(_)
+                // The console has every line that says something.
+                Event::Note(_)
+                | Event::PrinterError(_)
+                | Event::UnknownCommand(_)
+                | Event::Position(_)
                 | Event::Busy(_)
                 | Event::Resend { .. }
                 | Event::Probed { .. }

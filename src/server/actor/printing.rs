@@ -4,7 +4,7 @@
 use super::board::Board;
 use super::{Actor, Order, Print, Told};
 use crate::job::host::{Host, HostEvent, Request};
-use crate::job::record::Record;
+use crate::job::record::{Checkpoint, Record};
 use crate::job::recover::Plan;
 use crate::job::run::{End, Mail, Watcher, Wires, mailbox, run};
 use crate::job::scribe::Scribe;
@@ -118,6 +118,7 @@ async fn try_print(
         first_line: None,
         shown: None,
         line: 0,
+        z_mm: 0.0,
         resends: 0,
     };
     let mut host = Host::new(wants, lines, &print.begin, 0);
@@ -228,6 +229,7 @@ struct Eye<'a> {
     first_line: Option<Instant>,
     shown: Option<Instant>,
     line: u64,
+    z_mm: f64,
     resends: u64,
 }
 
@@ -251,7 +253,7 @@ impl Eye<'_> {
             lines: self.checked.last_command,
             layer: marks.layer,
             layers: self.facts.layers,
-            z_mm: None,
+            z_mm: Some(self.z_mm),
             elapsed_s,
             left_s,
         };
@@ -346,13 +348,13 @@ impl Watcher for Eye<'_> {
         self.actor.board.change(|p| p.plan = Some(words));
     }
 
-    fn acknowledged(&mut self, job_line: u64) {
-        if job_line == self.line {
+    fn acknowledged(&mut self, at: &Checkpoint) {
+        if at.line == self.line {
             return;
         }
-        self.line = job_line;
+        (self.line, self.z_mm) = (at.line, at.z_mm);
         self.first_line.get_or_insert_with(Instant::now);
-        self.marks.borrow_mut().reach(job_line);
+        self.marks.borrow_mut().reach(at.line);
         self.show();
     }
 }
