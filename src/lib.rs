@@ -1,4 +1,5 @@
 //! Outrigger: the rooms behind the `outrigger` binary. ARCHITECTURE.md is the map.
+mod causes;
 pub mod cli;
 pub mod detect;
 pub mod job;

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 /// A room, and the rooms that it may import.
 const RULES: &[(&str, &[&str])] = &[
     ("units.rs", &[]),
+    ("causes.rs", &[]),
     ("mesh", &["units"]),
     ("resin", &["units"]),
     ("layers", &["mesh", "resin", "units"]),
@@ -20,7 +21,7 @@ const RULES: &[(&str, &[&str])] = &[
     ("job", &["printer", "units"]),
     ("station", &["job", "printer", "profile", "units"]),
     // Of the daemon nobody but the verbs knows.
-    ("server", &["job", "printer", "profile", "station", "units"]),
+    ("server", &["causes", "job", "printer", "profile", "station", "units"]),
     ("post", &["toolpath", "units"]),
     ("report", &["detect", "layers", "post", "support", "toolpath", "units"]),
 ];

@@ -7,7 +7,7 @@
 #![cfg(target_os = "linux")]
 mod common;
 
-use common::http::{Answer, Daemon, PASSWORD};
+use common::http::{Answer, Daemon, PASSWORD, read_answer};
 use common::names;
 use common::printer::{BINARY, Mock, PATIENCE, commands, signal, wait_for, wait_until};
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
@@ -1124,6 +1124,28 @@ fn bodies_that_never_come_are_given_up() {
     let began = Instant::now();
     assert_eq!(daemon.get("/api/v2/printers").status, 200);
     assert!(began.elapsed() < Duration::from_secs(60), "{:?}", began.elapsed());
+    drop(held);
+    daemon.end();
+}
+
+#[test]
+fn one_address_does_not_keep_out_others() {
+    use rustix::net::{AddressFamily, SocketType, bind, connect, socket};
+    let state = tempfile::tempdir().unwrap();
+    let daemon = Daemon::start(state.path(), &config(Path::new("/dev/does-not-exist"), ""));
+    let mut held: Vec<_> = (0..400).map(|_| TcpStream::connect(daemon.address).unwrap()).collect();
+    // The last ones were closed at once; waiting for their heads would take longer.
+    let last = held.last_mut().unwrap();
+    last.set_read_timeout(Some(HEAD / 2)).unwrap();
+    assert!(matches!(last.read(&mut [0]), Ok(0) | Err(_)));
+    let from_elsewhere = socket(AddressFamily::INET, SocketType::STREAM, None).unwrap();
+    let other: SocketAddr = "127.0.0.2:0".parse().unwrap();
+    bind(&from_elsewhere, &other).unwrap();
+    connect(&from_elsewhere, &daemon.address).unwrap();
+    let mut other = TcpStream::from(from_elsewhere);
+    other.set_read_timeout(Some(HEAD / 2)).unwrap();
+    other.write_all(b"GET /api/v2/session HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n").unwrap();
+    assert!(read_answer(&mut other).status < 500);
     drop(held);
     daemon.end();
 }

@@ -7,6 +7,7 @@
 mod safe;
 mod watch;
 
+use crate::causes;
 use crate::job::disk::{Entry, JobId, Store, StoreError};
 use crate::job::record::Log;
 use crate::job::state::State;
@@ -86,7 +87,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// told; the job goes on.
 pub(super) fn start(store: &Store, id: JobId) {
     if let Err(why) = guardian::start(store, id) {
-        eprintln!("outrigger: warning: no guardian ({why:#}): if this process dies, heaters stay on");
+        eprintln!(
+            "outrigger: warning: no guardian ({}): if this process dies, heaters stay on",
+            causes::line(&why)
+        );
     }
 }
 
@@ -194,7 +198,7 @@ impl Guard<'_> {
                 Ok(Done::NotNeeded) => {}
                 Err(why) => {
                     *again = now + RETRY;
-                    eprintln!("outrigger: job {id}: not made safe: {why:#}; trying again");
+                    eprintln!("outrigger: job {id}: not made safe: {}; trying again", causes::line(&why));
                 }
             },
         }

@@ -25,6 +25,7 @@ mod serve;
 mod support;
 mod user;
 
+use crate::causes;
 use clap::{Parser, Subcommand};
 use std::io::Write;
 use std::process::ExitCode;
@@ -83,7 +84,7 @@ pub fn main() -> ExitCode {
     match done {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("outrigger: {error:#}");
+            eprintln!("outrigger: {}", causes::line(&error));
             ExitCode::from(1)
         }
     }

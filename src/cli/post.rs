@@ -11,6 +11,7 @@ mod supports;
 use super::files::{self, Replacement};
 use super::interrupt::clean_up_on_signal;
 use super::{page, picture, progress};
+use crate::causes;
 use crate::post::passes::Wishes;
 use crate::post::report::Report;
 use crate::post::time::Accelerations;
@@ -187,7 +188,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// or a picture.
 fn forgive(args: &Args, done: anyhow::Result<()>) -> anyhow::Result<()> {
     match done {
-        Err(error) if args.output.is_none() => eprintln!("outrigger: {error:#}"),
+        Err(error) if args.output.is_none() => eprintln!("outrigger: {}", causes::line(&error)),
         done => done?,
     }
     Ok(())
@@ -207,7 +208,7 @@ fn post_file(args: &Args) -> anyhow::Result<Done> {
         Err(error) if args.output.is_none() => {
             // In place: the export must not fail for our sake.
             let mut report = Report::default();
-            report.unchanged(format!("{error:#}"));
+            report.unchanged(causes::line(&error));
             report
         }
         Err(error) => return Err(error),

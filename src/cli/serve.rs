@@ -1,4 +1,5 @@
 //! `outrigger serve`: the daemon.
+use crate::causes;
 use crate::server::config::{Config, FILE_BYTES_MAX};
 use crate::server::daemon::{Daemon, Options};
 use anyhow::{Context, bail};
@@ -50,7 +51,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Ok(config) => config,
         Err(why) => {
             // Trying again changes nothing: supervisors tell this status from others.
-            eprintln!("outrigger: {why:#}");
+            eprintln!("outrigger: {}", causes::line(&why));
             return Ok(ExitCode::from(2));
         }
     };

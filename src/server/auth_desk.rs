@@ -6,6 +6,7 @@
 use super::auth::{Auth, Kept, Source};
 use super::problem::Problem;
 use super::shelf::{read_text, write_text};
+use crate::causes;
 use crate::job::disk::stamp;
 use crate::station::now_unix_s;
 use anyhow::Context;
@@ -155,7 +156,7 @@ impl AuthDesk {
             }
             Ok(Some((now, Err(why)))) => {
                 *seen = now;
-                tracing::error!("{why:#}; users and keys stay as they were");
+                tracing::error!("{}; users and keys stay as they were", causes::line(&why));
             }
             Ok(None) | Err(_) => return,
         }

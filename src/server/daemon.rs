@@ -13,6 +13,7 @@ use super::foreman::{Foreman, Means, Message};
 use super::inspect::{Inspector, Work};
 use super::shelf::Shelf;
 use super::{api, gate, http, metrics, moonraker, octoprint, page, prusalink};
+use crate::causes;
 use crate::station::Folder;
 use anyhow::Context;
 use axum::Router;
@@ -184,7 +185,7 @@ impl Daemon {
                 Err(why) if first => break Err(why),
                 Err(why) => {
                     // The configured addresses cannot be had; the loopback could.
-                    tracing::error!("{why:#}; listening on the loopback only");
+                    tracing::error!("{}; listening on the loopback only", causes::line(&why));
                     http::bind(&http::loopback_of(&given))?
                 }
             };
@@ -202,7 +203,8 @@ impl Daemon {
                 .then(|| announce(&self.app, bound[0].port()))
                 .flatten();
             let (end, ended) = watch::channel(false);
-            let serving = http::serve(listeners, tls.clone(), self.routes.clone(), ended);
+            let serving =
+                http::serve(listeners, tls.clone(), self.routes.clone(), &server.trusted_proxies, ended);
             let mut serving = std::pin::pin!(serving);
             let mut stopping = stop.clone();
             let over = tokio::select! {

@@ -1,19 +1,23 @@
 //! Listens, and gives each connection to the routes: the one file that knows sockets and TLS.
 //!
-//! Takes addresses, a certificate and the routes. Bounded: connections, the time of a handshake and
-//! of a request's head. Until a first user is made, only the loopback is listened on; from then on
+//! Takes addresses, a certificate and the routes. Bounded: connections, of all and of one address, the
+//! time of a handshake, of a request's head and of a client that does not read. Until a first user is made, only the loopback is listened on; from then on
 //! the configured addresses, without a restart. Knows no route.
+use super::auth::Source;
+use crate::causes;
 use anyhow::Context;
 use axum::Router;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::timeout;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::ServerConfig;
@@ -22,6 +26,13 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
 /// Connections at a time: 200 viewers, uploads and slicers, and a bound for a Pi's memory.
 const MAX_CONNECTIONS: usize = 512;
+
+/// Connections of one address, unless it is a trusted proxy's: a household behind one router with room
+/// to spare, while others still find places.
+const MAX_OF_ONE: usize = 384;
+
+/// What a client has not taken by then ends its connection: it has gone, or does not read.
+const UNREAD: Duration = Duration::from_secs(60);
 
 /// A client sends its request's head within so long.
 const HEAD: Duration = Duration::from_secs(15);
@@ -88,7 +99,7 @@ pub(crate) fn bind(addresses: &[SocketAddr]) -> anyhow::Result<Vec<TcpListener>>
             Ok(listener) => listeners.push(listener),
             Err(why) => {
                 let why = anyhow::Error::new(why).context(format!("cannot listen on {address}"));
-                tracing::debug!("{why:#}");
+                tracing::debug!("{}", causes::line(&why));
                 first.get_or_insert(why);
             }
         }
@@ -114,14 +125,68 @@ fn bind_one(address: SocketAddr) -> std::io::Result<TcpListener> {
     TcpListener::from_std(std::net::TcpListener::from(socket))
 }
 
-/// Serves until `stop` says so. Connections that are open then end their requests.
+/// Places for connections.
+struct Places {
+    all: Arc<Semaphore>,
+    /// How many of them each source has, unless it is trusted.
+    taken: Mutex<HashMap<Source, usize>>,
+    trusted: Vec<IpAddr>,
+}
+
+/// A connection's place; given back when it is dropped.
+struct Place {
+    _one_of_all: OwnedSemaphorePermit,
+    of: Option<(Arc<Places>, Source)>,
+}
+
+impl Places {
+    fn new(trusted: &[IpAddr]) -> Arc<Self> {
+        Arc::new(Self {
+            all: Arc::new(Semaphore::new(MAX_CONNECTIONS)),
+            taken: Mutex::default(),
+            trusted: trusted.iter().map(|proxy| proxy.to_canonical()).collect(),
+        })
+    }
+
+    /// A place for one who comes from there, if that address has not too many.
+    fn place(self: &Arc<Self>, one_of_all: OwnedSemaphorePermit, from: IpAddr) -> Option<Place> {
+        if self.trusted.contains(&from.to_canonical()) {
+            return Some(Place { _one_of_all: one_of_all, of: None });
+        }
+        let source = Source::from(from);
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let its = taken.entry(source).or_default();
+        if *its >= MAX_OF_ONE {
+            return None;
+        }
+        *its += 1;
+        Some(Place { _one_of_all: one_of_all, of: Some((Arc::clone(self), source)) })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let Some((places, source)) = self.of.take() else { return };
+        let mut taken = places.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Entry::Occupied(mut its) = taken.entry(source) {
+            *its.get_mut() -= 1;
+            if *its.get() == 0 {
+                its.remove();
+            }
+        }
+    }
+}
+
+/// Serves until `stop` says so. Connections that are open then end their requests. `trusted`: proxies,
+/// through which everybody may come.
 pub(crate) async fn serve(
     listeners: Vec<TcpListener>,
     tls: Option<TlsAcceptor>,
     routes: Router,
+    trusted: &[IpAddr],
     mut stop: watch::Receiver<bool>,
 ) {
-    let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let places = Places::new(trusted);
     let mut accepting = tokio::task::JoinSet::new();
     for listener in listeners {
         let (tls, routes, stop, places) = (tls.clone(), routes.clone(), stop.clone(), Arc::clone(&places));
@@ -136,10 +201,10 @@ async fn accept(
     tls: Option<TlsAcceptor>,
     routes: Router,
     stop: watch::Receiver<bool>,
-    places: Arc<Semaphore>,
+    places: Arc<Places>,
 ) {
     loop {
-        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
+        let Ok(one_of_all) = Arc::clone(&places.all).acquire_owned().await else { return };
         let (stream, address) = match listener.accept().await {
             Ok(accepted) => accepted,
             Err(why) => {
@@ -149,10 +214,15 @@ async fn accept(
                 continue;
             }
         };
+        let Some(place) = places.place(one_of_all, address.ip()) else {
+            tracing::debug!(%address, "closed: {MAX_OF_ONE} connections of this address are open");
+            continue;
+        };
         let (tls, routes, stop) = (tls.clone(), routes.clone(), stop.clone());
         tokio::spawn(async move {
             let _place = place;
             let _ = stream.set_nodelay(true);
+            let _ = rustix::net::sockopt::set_tcp_user_timeout(&stream, UNREAD.as_millis() as u32);
             shake_hands(stream, address, tls, routes, stop).await;
         });
     }
@@ -211,6 +281,28 @@ mod tests {
         check(&["0.0.0.0:8080", "[::]:8080"], &["127.0.0.1:8080", "[::1]:8080"]);
         check(&["192.168.1.2:80", "10.0.0.1:80"], &["127.0.0.1:80"]);
         check(&["127.0.0.2:1"], &["127.0.0.2:1"]);
+    }
+
+    #[test]
+    fn one_address_does_not_take_all_places() {
+        let ip = |text: &str| text.parse::<IpAddr>().unwrap();
+        let places = Places::new(&[ip("10.0.0.1")]);
+        let ask = |from: &str| {
+            let one = Arc::clone(&places.all).try_acquire_owned().ok()?;
+            places.place(one, ip(from))
+        };
+        let mut held: Vec<_> = (0..MAX_OF_ONE).map(|_| ask("192.0.2.9").unwrap()).collect();
+        assert!(ask("192.0.2.9").is_none() && ask("::ffff:192.0.2.9").is_none());
+        let other = ask("192.0.2.8");
+        assert!(other.is_some());
+        held.pop();
+        held.push(ask("192.0.2.9").unwrap());
+        drop((held, other));
+        assert!(places.taken.lock().unwrap().is_empty());
+        // Everybody comes through a proxy.
+        let held: Vec<_> = (0..MAX_CONNECTIONS).map_while(|_| ask("10.0.0.1")).collect();
+        assert_eq!(held.len(), MAX_CONNECTIONS);
+        assert!(ask("192.0.2.8").is_none());
     }
 
     #[tokio::test]

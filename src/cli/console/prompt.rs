@@ -5,6 +5,7 @@
 use super::keys::Keys;
 use super::talk::Shown;
 use super::{Screen, Typed};
+use crate::causes;
 use crate::job::disk;
 use crate::printer::lines::MAX_REPLY_LEN;
 use crate::station::escape::printable_to;
@@ -99,7 +100,7 @@ fn end_on_signal(to: Sender<Typed>) -> anyhow::Result<()> {
 }
 
 fn tell(error: &anyhow::Error) {
-    eprintln!("outrigger: no history: {error:#}");
+    eprintln!("outrigger: no history: {}", causes::line(error));
 }
 
 /// Reads lines until the user ends, or nobody listens.

@@ -3,6 +3,7 @@
 //! There is no hook of a slicer here: without an output there is nothing to do, and the
 //! file stays. With one, the format is what its name ends in.
 use super::{Args, Supports, forgive, write_report};
+use crate::causes;
 use crate::cli::files::{self, Replacement, Seen};
 use crate::cli::progress;
 use crate::resin::job::{Format, Job};
@@ -83,7 +84,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         // As with G-code: nothing that is in doubt ends in an error without OUT.
         None => match open(&file) {
             Ok(job) => report_of(&job),
-            Err(error) => Report { unchanged_reason: Some(format!("{error:#}")), ..Report::default() },
+            Err(error) => Report { unchanged_reason: Some(causes::line(&error)), ..Report::default() },
         },
     };
     report.seconds = started.elapsed().as_secs_f64();

@@ -6,6 +6,7 @@
 //! at with the same detectors before it takes the job's place.
 use super::resin::{is_resin, named, open, written};
 use super::{Args, Supports, forgive, model, write_report};
+use crate::causes;
 use crate::cli::files::{self, Replacement, Seen};
 use crate::cli::material::{self, printed};
 use crate::cli::page::{self, Surface};
@@ -74,7 +75,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     match done {
         Ok(()) => Ok(ExitCode::SUCCESS),
         Err(reason) if args.output.is_none() || reason.is::<Nothing>() => {
-            eprintln!("outrigger: {}: left as it was: {reason:#}", report.file);
+            eprintln!("outrigger: {}: left as it was: {}", report.file, causes::line(&reason));
             if let Some(to) = &args.output {
                 let mut source = file.try_clone().context("cannot read the file")?;
                 Replacement::beside(to)?.copy_of(&mut source)?.put(&file)?;

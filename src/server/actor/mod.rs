@@ -12,6 +12,7 @@ pub(crate) mod board;
 mod idle;
 mod printing;
 
+use crate::causes;
 use crate::job::disk::{HeldJob, JobId};
 use crate::job::host::{Begin, Request};
 use crate::job::state::State;
@@ -149,7 +150,7 @@ pub(crate) fn start(
         }
         let why = match ran {
             Ok(Ok(())) => return,
-            Ok(Err(error)) => format!("{error:#}"),
+            Ok(Err(error)) => causes::line(&error),
             Err(_) => "a fault of ours; the log says where".to_owned(),
         };
         tracing::error!(printer = id, "{why}");

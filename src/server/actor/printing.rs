@@ -3,6 +3,7 @@
 //! Takes a checked job with its journal, an open port and orders; tells how it ended.
 use super::board::Board;
 use super::{Actor, Order, Print, Told};
+use crate::causes;
 use crate::job::host::{Host, HostEvent, Request};
 use crate::job::record::{Checkpoint, Record};
 use crate::job::recover::Plan;
@@ -64,7 +65,7 @@ pub(super) async fn print(
             (state, words, safety, next)
         }
         // Nothing of it was sent.
-        Err(why) => (State::Accepted, Some(format!("{why:#}")), None, Next::Stay),
+        Err(why) => (State::Accepted, Some(causes::line(&why)), None, Next::Stay),
     };
     let (level, told) = match &words {
         None => (Level::Info, format!("{name}: printed to its end")),

@@ -3,6 +3,7 @@
 //! Opening a job reads its whole file, which takes seconds for a large one on a Pi: that is done by
 //! a thread of its own, which sends word.
 use super::{Foreman, Message, NotReady, Ready, Refusal};
+use crate::causes;
 use crate::job::disk::{Store, StoreError};
 use crate::job::host::Begin;
 use crate::job::state::State;
@@ -39,8 +40,8 @@ pub(super) fn fresh(foreman: &mut Foreman, id: &str) {
     let profile = place.config.profile.clone();
     let store = foreman.means.folder.store.path().to_owned();
     in_thread(foreman, id, move || {
-        let passing = |why: anyhow::Error| NotReady { words: format!("{why:#}"), for_good: false };
-        let last = |why: anyhow::Error| NotReady { words: format!("{why:#}"), for_good: true };
+        let passing = |why: anyhow::Error| NotReady { words: causes::line(&why), for_good: false };
+        let last = |why: anyhow::Error| NotReady { words: causes::line(&why), for_good: true };
         let folder = Folder::open(Some(&store)).map_err(|e| passing(e.into()))?;
         let loaded = crate::profile::load_printer(&profile).map_err(|e| last(e.into()))?;
         let name = lasting_name(&profile).map_err(last)?;
@@ -67,7 +68,7 @@ pub(super) fn resume(foreman: &mut Foreman, id: &str) -> Result<(), Refusal> {
     place.preparing = Some(job.id.clone());
     let store = foreman.means.folder.store.path().to_owned();
     in_thread(foreman, id, move || {
-        let passing = |why: anyhow::Error| NotReady { words: format!("{why:#}"), for_good: false };
+        let passing = |why: anyhow::Error| NotReady { words: causes::line(&why), for_good: false };
         let store = Folder::open(Some(&store)).map_err(|e| passing(e.into()))?.store;
         let held = store.hold_job(record).map_err(|e| passing(e.into()))?;
         let log = held.journal.log().clone();
@@ -98,7 +99,7 @@ pub(super) fn close(foreman: &mut Foreman, id: &str) -> Result<(), Refusal> {
     if let Some(record) = job.record {
         let gone = |why: &anyhow::Error| matches!(why.downcast_ref(), Some(StoreError::NoJob(_)));
         match given_up(&foreman.means.folder, record) {
-            Err(why) if !gone(&why) => return Err(Refusal::Conflict(format!("{why:#}"))),
+            Err(why) if !gone(&why) => return Err(Refusal::Conflict(causes::line(&why))),
             _ => {}
         }
     }
@@ -210,7 +211,7 @@ pub(super) fn taken_up(foreman: &mut Foreman, printer: &str) -> Option<Box<Print
     match taken() {
         Ok(print) => Some(print),
         Err(why) => {
-            tracing::warn!(job = job.id, "not taken up: {why:#}");
+            tracing::warn!(job = job.id, "not taken up: {}", causes::line(&why));
             None
         }
     }

@@ -1,6 +1,7 @@
 //! What others tell: the inspector, the printers, the threads that get jobs ready; and what can
 //! start thereupon.
 use super::{Foreman, Ready, rules, start};
+use crate::causes;
 use crate::job::state::State;
 use crate::server::actor::{self, Order, Told};
 use crate::server::config::ClearBed;
@@ -118,7 +119,8 @@ impl Foreman {
                 if self.means.guards
                     && let Err(why) = guardian::start(&self.means.folder.store, record)
                 {
-                    tracing::warn!(job = id, "no guardian ({why:#}): if this process dies, heaters stay on");
+                    let why = causes::line(&why);
+                    tracing::warn!(job = id, "no guardian ({why}): if this process dies, heaters stay on");
                 }
                 let place = &self.places[&printer];
                 if !place.handle.give(Order::Print(print)) {
