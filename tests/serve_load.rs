@@ -297,3 +297,25 @@ fn a_viewer_that_takes_nothing_is_let_go() {
     assert!(lines > 1000, "the other one heard {lines} lines only");
     assert!(grown < 20.0, "{grown:.1} MB more");
 }
+
+/// Each admin sees who asks for a key, and that another one has answered.
+#[test]
+fn a_request_for_a_key_is_told_and_so_is_its_answer() {
+    let state = tempfile::tempdir().unwrap();
+    let daemon = Daemon::start(state.path(), &config(Path::new("/dev/does-not-exist")));
+    let mut viewer = Viewer::open(daemon.address, &daemon.key);
+    let mut told = |kind: &str| loop {
+        let news = viewer.next().expect("the daemon goes on");
+        if news["type"] == kind {
+            return news;
+        }
+    };
+    told("hello");
+    assert_eq!(daemon.post("/plugin/appkeys/request", &serde_json::json!({"app": "slicer"})).status, 201);
+    let request = told("key_request");
+    assert_eq!(request["app"], "slicer");
+    let path = format!("/api/v2/keys/requests/{}", request["id"].as_str().unwrap());
+    assert_eq!(daemon.post(&path, &serde_json::json!({"allow": false})).status, 204);
+    assert_eq!(told("key_answered")["id"], request["id"]);
+    daemon.end();
+}

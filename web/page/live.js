@@ -75,6 +75,7 @@ export function take(message) {
     case 'file': store.files.set(message.file.id, message.file); break;
     case 'gone': (message.what === 'job' ? store.jobs : store.files).delete(message.id); break;
     case 'key_request': store.requests.set(message.id, { id: message.id, app: message.app }); break;
+    case 'key_answered': store.requests.delete(message.id); break;
     case 'temperatures':
     case 'console':
       for (const listener of store.streams[message.type]) listener(message);

@@ -2,11 +2,13 @@
 use crate::server::app::App;
 use crate::server::asker::Admin;
 use crate::server::auth::{ApiKey, AppRequest, KeysError, Name, Role, Scope, ScopeSet};
+use crate::server::foreman::view;
 use crate::server::problem::{Problem, ProblemDetails};
 use axum::Json;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use std::sync::Arc;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -160,5 +162,6 @@ async fn decide(
         by = who.name(),
         "an application's request for a key"
     );
+    app.view.tell(view::Scope::Admin, || json!({"type": "key_answered", "id": id}));
     Ok(StatusCode::NO_CONTENT)
 }
