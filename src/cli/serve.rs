@@ -83,7 +83,7 @@ fn lean() {
     if LEAN.iter().any(|(name, _)| std::env::var_os(name).is_some()) {
         return;
     }
-    let mut again = std::process::Command::new("/proc/self/exe");
+    let mut again = std::process::Command::new(crate::station::guardian::program());
     again.args(std::env::args_os().skip(1)).envs(LEAN);
     if let Some(name) = std::env::args_os().next() {
         again.arg0(name);

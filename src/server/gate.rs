@@ -132,7 +132,7 @@ mod tests {
             }
         }
         check(0, 0, 0, Ok(0)).await;
-        check(3, 1, 9, Ok(3)).await;
+        check(3, 1, 7, Ok(3)).await;
         check(1, 1, 31, Err("0 bytes came in 30 s")).await;
         check(100, 1, 29, Err("1 bytes came")).await;
         check(1000, 900, 1, Err("bytes came in 30 s")).await;
