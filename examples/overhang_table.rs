@@ -41,7 +41,7 @@ fn main() -> anyhow::Result<()> {
         let mut clock = Clock { last: Instant::now(), spent: [Duration::ZERO; 4] };
         let layer = (angle_deg > 0.0).then_some(LayerAsk { rules, growth: Growth::Conditional });
         let image = (pixel_mm > 0.0).then_some(ImageAsk { rules, growth: Growth::Conditional, pixel_mm });
-        let found = walk(&mut layers, &Ask { min_island_mm2: 0.01, layer, image }, &mut clock)?;
+        let found = walk(&mut layers, &Ask { min_island_mm2: 0.01, layer, image, resin: false }, &mut clock)?;
         let ms = |d: Duration| d.as_secs_f64() * 1e3;
         let [slice, islands, overhangs, _] = clock.spent;
         println!(

@@ -23,7 +23,9 @@ use std::process::ExitCode;
 /// FILE is a model (.stl), sliced G-code (.gcode, .bgcode) or a resin job (.sl1,
 /// .nanodlp, .goo); its content says which. Islands are pieces of a layer that nothing below
 /// holds; overhangs are parts that reach out too far over what is below them. G-code
-/// and resin jobs are checked as they will be printed, with no model needed.
+/// and resin jobs are checked as they will be printed, with no model needed. A resin job's
+/// pictures are searched for resin traps, suction cups, empty layers and what lies at the
+/// panel's margin, too.
 ///
 /// Layers are counted from 0 at the plate. The table gives the Z at which a layer is
 /// printed; --json gives that as top_mm and the middle of the layer, where a model is
@@ -42,7 +44,8 @@ pub(super) struct Args {
     /// top_mm, end_layer, end_z_mm, end_top_mm, joins, area_mm2, max_area_mm2, centroid_mm,
     /// bbox_mm), floating_supports, overhangs (method, regions, area_mm2, small_regions,
     /// small_area_mm2, largest), overhangs_by_method, printer (name, findings with kind, line,
-    /// lines, worst, words), mended, warnings, seconds.
+    /// lines, worst, words), resin (issues with kind, severity, layer, top_mm, end_layer,
+    /// end_top_mm, area_mm2, volume_mm3, centroid_mm, bbox_mm, words), mended, warnings, seconds.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
     /// Draw what was found, by the name's ending: .svg or .png for one picture, .html
@@ -98,6 +101,8 @@ enum Finding {
     Overhangs,
     /// Anything that the printer of --printer could not do
     Printer,
+    /// Anything that would go wrong with a resin job, by its pictures and exposures
+    Resin,
 }
 
 /// Runs the verb.
@@ -128,10 +133,12 @@ fn wrong_usage(reason: &str) -> ExitCode {
 fn verdict(args: &Args, report: &Report) -> ExitCode {
     let overhangs = report.overhangs_by_method.values().map(|found| found.regions).sum::<u64>();
     let amiss = report.printer.as_ref().map_or(0, |printer| printer.findings.len() as u64);
+    let issues = report.resin.as_ref().map_or(0, |resin| resin.issues.len() as u64 + resin.unlisted);
     let counts = [
         (Finding::Islands, report.islands.len() as u64 + report.unlisted_islands, "islands"),
         (Finding::Overhangs, overhangs, "overhangs"),
         (Finding::Printer, amiss, "findings for the printer"),
+        (Finding::Resin, issues, "resin issues"),
     ];
     let found = counts.iter().filter(|(finding, count, _)| *count > 0 && args.fail_on.contains(finding));
     let words: Vec<String> = found.map(|(_, count, name)| format!("{name}: {count}")).collect();

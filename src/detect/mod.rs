@@ -12,6 +12,7 @@
 //! - [`overhang_normal`]: faces that lean too far (paper 001, section 2.1)
 //! - [`overhang_layer`]: a layer without what the layer below holds, in polygons
 //! - [`overhang_image`]: the same in images, as the peers do it (paper 001, section 1)
+//! - [`resin`]: what would go wrong with a resin job, in its own pictures
 pub mod island;
 pub mod links;
 pub mod overhang;
@@ -20,6 +21,7 @@ pub mod overhang_layer;
 pub mod overhang_normal;
 pub mod overlap;
 mod regions;
+pub mod resin;
 mod slabs;
 #[cfg(test)]
 mod testing;

@@ -19,5 +19,5 @@ pub(super) fn region(rectangles: &[[f64; 4]], holes: &[[f64; 4]]) -> Region {
 /// Layer `number` of 0.1 mm each.
 pub(super) fn layer(number: u32, part: Region) -> Layer {
     let bottom_mm = f64::from(number) * 0.1;
-    Layer { number, bottom_mm, top_mm: bottom_mm + 0.1, part, aid: Region::default() }
+    Layer { number, bottom_mm, top_mm: bottom_mm + 0.1, part, ..Layer::default() }
 }

@@ -8,6 +8,8 @@ use super::island::{Found, Islands, Standings};
 use super::links::{Links, links};
 use super::overhang::{Growth, Method, Overhangs, Piece, SelfSupport};
 use super::regions::{Regions, joins};
+use super::resin::voids::Hollows;
+use super::resin::{self, Issues, Look};
 use super::{overhang_image, overhang_layer};
 use crate::layers::stack::{Layer, Layers};
 use rayon::prelude::*;
@@ -21,6 +23,8 @@ pub struct Ask {
     pub layer: Option<LayerAsk>,
     /// Overhangs in images ([`super::overhang_image`]).
     pub image: Option<ImageAsk>,
+    /// What would go wrong with a resin job ([`super::resin`]), in layers that keep their pictures.
+    pub resin: bool,
 }
 
 /// How to look for overhangs in polygons.
@@ -52,6 +56,8 @@ pub enum Stage {
     Islands,
     /// Overhangs, whichever way.
     Overhangs,
+    /// What would go wrong with a resin job.
+    Resin,
     /// Whatever [`Watch::layer`] did.
     Watch,
 }
@@ -106,6 +112,8 @@ pub struct Findings {
     pub layer: Option<Overhangs>,
     /// Overhangs by images, if asked for.
     pub image: Option<Overhangs>,
+    /// What would go wrong with a resin job, if asked for.
+    pub resin: Option<Issues>,
 }
 
 /// Walks over all layers.
@@ -117,6 +125,7 @@ pub fn walk<L: Layers>(layers: &mut L, ask: &Ask, watch: &mut impl Watch) -> Res
     let by_layer = ask.layer.map(|a| Track::new(How::Layer(a), Method::Layer, a.rules.min_area_mm2));
     let by_image = ask.image.map(|a| Track::new(How::Image(a), Method::Image, a.rules.min_area_mm2));
     let mut tracks: Vec<Track> = by_layer.into_iter().chain(by_image).collect();
+    let mut pictures = ask.resin.then(Pictures::default);
     let mut below = Layer::default();
     let (mut count, mut height_mm) = (0, 0.0);
     while let Some(batch) = layers.next_batch()? {
@@ -128,6 +137,10 @@ pub fn walk<L: Layers>(layers: &mut L, ask: &Ask, watch: &mut impl Watch) -> Res
         watch.lap(Stage::Islands);
         tracks.iter_mut().for_each(|track| track.batch(&pairs, &linked));
         watch.lap(Stage::Overhangs);
+        if let Some(pictures) = &mut pictures {
+            pictures.batch(&pairs);
+            watch.lap(Stage::Resin);
+        }
         for (k, (layer, standings)) in batch.iter().zip(&standings).enumerate() {
             let pieces = tracks.first().and_then(|t| t.pieces.get(k)).map_or(&[][..], |p| p);
             watch.layer(&Seen { layer, standings, overhang: pieces });
@@ -144,6 +157,7 @@ pub fn walk<L: Layers>(layers: &mut L, ask: &Ask, watch: &mut impl Watch) -> Res
         islands: islands.finish(ask.min_island_mm2),
         layer: None,
         image: None,
+        resin: pictures.map(|pictures| pictures.checks.finish()),
     };
     for track in tracks {
         let found = track.regions.finish();
@@ -215,6 +229,36 @@ impl Track {
     }
 }
 
+/// A resin job's pictures, on their way up.
+#[derive(Default)]
+struct Pictures {
+    checks: resin::Checks,
+    /// Those of the last layer.
+    hollows: Option<Hollows>,
+}
+
+impl Pictures {
+    fn batch(&mut self, pairs: &[(&Layer, &Layer)]) {
+        let hollows: Vec<Option<Hollows>> =
+            pairs.par_iter().map(|(_, layer)| layer.picture.as_ref().map(Hollows::of)).collect();
+        let lower: Vec<Option<&Hollows>> =
+            std::iter::once(self.hollows.as_ref()).chain(hollows.iter().map(Option::as_ref)).collect();
+        let looks: Vec<Look> = pairs
+            .par_iter()
+            .zip(&hollows)
+            .zip(lower)
+            .filter_map(|(((below, layer), own), lower)| {
+                let below = below.picture.as_ref().zip(lower);
+                Some(Look::at(below, layer.picture.as_ref()?, own.as_ref()?))
+            })
+            .collect();
+        for ((_, layer), look) in pairs.iter().zip(&looks) {
+            self.checks.push(layer.number, [layer.bottom_mm, layer.top_mm], look);
+        }
+        self.hollows = hollows.into_iter().next_back().flatten();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::island::Standing;
@@ -281,6 +325,7 @@ mod tests {
             min_island_mm2: 0.1,
             layer: Some(LayerAsk { rules, growth: Growth::Conditional }),
             image: Some(ImageAsk { rules, growth: Growth::Conditional, pixel_mm: 0.02 }),
+            resin: false,
         }
     }
 

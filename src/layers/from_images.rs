@@ -12,6 +12,7 @@
 mod runs;
 mod trace;
 
+use super::raster::{self, Raster};
 use super::shape::{Point, Polygon, Region, Ring, UNITS_PER_MM};
 use super::stack::{Layer, Layers};
 use crate::resin::image::{ImageError, Panel};
@@ -55,6 +56,7 @@ pub struct FromImages<R> {
     next: u32,
     /// Layers of the next batch.
     batch: usize,
+    keep_pictures: bool,
 }
 
 /// A picture that is read and not yet traced.
@@ -68,7 +70,20 @@ impl<R: Read + Seek> FromImages<R> {
     #[must_use]
     pub fn new(job: Job<R>) -> FromImages<R> {
         // The first batch is small: only then it is known how large layers are.
-        FromImages { job, next: 0, batch: rayon::current_num_threads().clamp(1, MAX_BATCH) }
+        let batch = rayon::current_num_threads().clamp(1, MAX_BATCH);
+        FromImages { job, next: 0, batch, keep_pictures: false }
+    }
+
+    /// The same with each layer's picture ([`Layer::picture`]).
+    #[must_use]
+    pub fn keeping_pictures(self) -> FromImages<R> {
+        FromImages { keep_pictures: true, ..self }
+    }
+
+    /// Where a place in the pictures, column and row, lies over the plate, mm.
+    #[must_use]
+    pub fn plate_mm(&self, place: [f64; 2]) -> [f64; 2] {
+        self.job.placement().plate_mm(self.job.panel(), place)
     }
 
     /// The job.
@@ -92,8 +107,12 @@ impl<R: Read + Seek> FromImages<R> {
     }
 
     /// The layer of a picture's polygons, or what was wrong with it.
-    fn layer(&self, layer: u32, part: Result<Region, Fault>) -> Result<Layer, FromImagesError> {
-        let part = part.map_err(|fault| match fault {
+    fn layer(
+        &self,
+        layer: u32,
+        read: Result<(Region, Option<Raster>), Fault>,
+    ) -> Result<Layer, FromImagesError> {
+        let (part, picture) = read.map_err(|fault| match fault {
             Fault::Picture(source) => self.job.picture_error(layer, source).into(),
             Fault::TooFine => {
                 FromImagesError::TooFine { layer, entry: self.job.entry_name(layer).into_owned() }
@@ -101,7 +120,7 @@ impl<R: Read + Seek> FromImages<R> {
         })?;
         let JobLayer { top_mm, height_mm, .. } = self.job.layers()[layer as usize];
         let bottom_mm = (top_mm - height_mm).max(0.0);
-        Ok(Layer { number: layer, bottom_mm, top_mm, part, aid: Region::default() })
+        Ok(Layer { number: layer, bottom_mm, top_mm, part, aid: Region::default(), picture })
     }
 }
 
@@ -119,8 +138,9 @@ impl<R: Read + Seek> Layers for FromImages<R> {
         }
         let panel = self.job.panel();
         let grid = Grid::new(panel, self.job.placement());
-        let parts: Vec<_> = packed.par_iter().map(|p| contours(panel, &grid, &p.bytes)).collect();
-        let layers = packed.iter().zip(parts).map(|(p, part)| self.layer(p.layer, part));
+        let keep = self.keep_pictures;
+        let read: Vec<_> = packed.par_iter().map(|p| contours(panel, &grid, &p.bytes, keep)).collect();
+        let layers = packed.iter().zip(read).map(|(p, read)| self.layer(p.layer, read));
         let layers = layers.collect::<Result<Vec<Layer>, _>>()?;
         let largest = layers.iter().map(|l| l.part.len()).max().unwrap_or(0);
         let threads = rayon::current_num_threads().clamp(1, MAX_BATCH);
@@ -135,20 +155,25 @@ enum Fault {
     TooFine,
 }
 
-/// Contours of one picture at half brightness, in grid steps over the plate.
-fn contours(panel: Panel, grid: &Grid, packed: &[u8]) -> Result<Region, Fault> {
+/// Contours of one picture at half brightness, in grid steps over the plate, and the picture if it is
+/// to be kept.
+fn contours(panel: Panel, grid: &Grid, packed: &[u8], keep: bool) -> Result<(Region, Option<Raster>), Fault> {
     let mut trace = Trace::default();
     let mut changes = Vec::new();
     let mut fits = Ok(());
+    let mut picture = keep.then(|| Raster::new(panel.width_px));
     let row = |row: &[u8]| {
         if fits.is_ok() {
             runs::changes(row, &mut changes);
             fits = trace.row(&changes);
         }
+        if let Some(picture) = picture.as_mut().filter(|_| fits.is_ok()) {
+            fits = picture.row(row).map_err(|raster::TooFine| TooFine);
+        }
     };
     panel.rows(packed, row).map_err(Fault::Picture)?;
     let polygons = fits.and_then(|()| trace.polygons(|c| grid.point(c))).map_err(|TooFine| Fault::TooFine)?;
-    Ok(grid.region(polygons))
+    Ok((grid.region(polygons), picture))
 }
 
 /// Where the corners of pixels lie over the plate.
@@ -254,7 +279,9 @@ mod tests {
         for turn in 0..8 {
             let [reverse_u, reverse_v, swap] = [turn & 1 != 0, turn & 2 != 0, turn & 4 != 0];
             let placement = Placement { pixel_mm: [2.0, 3.0], reverse_u, reverse_v, swap };
-            let Ok(region) = contours(panel, &Grid::new(panel, placement), &png) else { panic!("a picture") };
+            let Ok((region, None)) = contours(panel, &Grid::new(panel, placement), &png, false) else {
+                panic!("a picture")
+            };
             assert_eq!(region.polygons.len(), 1, "{turn}");
             let rings = &region.polygons[0].rings;
             let areas: Vec<f64> =

@@ -11,6 +11,7 @@
 //! - [`outline`]: what a round nozzle sweeps
 //! - [`polygon`]: booleans, predicates and offsets; alone names the polygon libraries
 //! - [`nest`]: rings that do not meet become polygons without a boolean
+//! - [`raster`]: a resin job's picture as runs of brightness, for what is checked pixel by pixel
 //! - [`stack`]: a layer, and where layers come from
 //! - [`from_mesh`], [`from_gcode`], [`from_images`]: the three places
 pub mod from_gcode;
@@ -19,6 +20,7 @@ pub mod from_mesh;
 pub mod nest;
 pub mod outline;
 pub mod polygon;
+pub mod raster;
 pub mod scan;
 pub mod shape;
 pub mod stack;

@@ -2,6 +2,7 @@
 //!
 //! Layers come in batches from the plate up, so that a batch is made by all cores
 //! and the whole stack never has to be in memory at once.
+use super::raster::Raster;
 use super::shape::Region;
 
 /// What is solid between two heights.
@@ -18,6 +19,9 @@ pub struct Layer {
     /// What is printed besides and taken away later: supports, brim, wipe tower.
     /// It may overlap the part.
     pub aid: Region,
+    /// The picture that it is made of, where a resin job's pictures are kept
+    /// ([`super::from_images::FromImages::keeping_pictures`]).
+    pub picture: Option<Raster>,
 }
 
 impl Layer {

@@ -6,6 +6,10 @@
 //! layers are counted from 0 at the plate; `z_mm` is the height of the plane that
 //! was cut or that stands for the layer (its middle), `top_mm` the Z at which a
 //! printer prints it.
+mod resin;
+
+pub use resin::{Ground, Resin, ResinIssue, Severity};
+
 use crate::detect;
 use crate::detect::overhang::{Method, OverhangRegion};
 use serde::Serialize;
@@ -47,6 +51,8 @@ pub struct Report {
     pub overhangs_by_method: BTreeMap<&'static str, Overhangs>,
     /// What the printer that was named could not do of a job; `null` where none was.
     pub printer: Option<Printer>,
+    /// What would go wrong with a resin job, seen in its pictures; `null` where the file is none.
+    pub resin: Option<Resin>,
     /// What was mended in the mesh; `null` where there is no mesh.
     pub mended: Option<serde_json::Value>,
     /// What the user should know, a sentence each.
@@ -179,6 +185,8 @@ pub struct Seconds {
     pub islands: f64,
     /// Finding overhangs.
     pub overhangs: f64,
+    /// Finding what would go wrong with a resin job.
+    pub resin: f64,
     /// Gathering what pictures need, and drawing them.
     pub pictures: f64,
     /// All of it.
@@ -355,13 +363,13 @@ mod tests {
         assert_eq!(
             names(&json),
             "bbox_mm file floating_supports height_mm islands kind layers mended overhangs overhangs_by_method \
-             printer rules seconds small_islands triangles unlisted_islands warnings"
+             printer resin rules seconds small_islands triangles unlisted_islands warnings"
         );
         assert_eq!(
             names(&json["islands"][0]),
             "area_mm2 bbox_mm centroid_mm end_layer end_top_mm end_z_mm joins layer max_area_mm2 top_mm z_mm"
         );
-        assert_eq!(names(&json["seconds"]), "islands overhangs pictures read slice total");
+        assert_eq!(names(&json["seconds"]), "islands overhangs pictures read resin slice total");
         assert_eq!(json["islands"][0]["bbox_mm"], serde_json::json!([[1.0, -3.0], [2.0, -2.0]]));
         assert!(json["triangles"].is_null() && json["overhangs"].is_null());
     }

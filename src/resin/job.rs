@@ -98,6 +98,16 @@ pub struct Placement {
 }
 
 impl Placement {
+    /// Where a place in a picture lies over the plate, mm: columns from the left and rows from the top,
+    /// to x and y, from the corner of the panel.
+    #[must_use]
+    pub fn plate_mm(&self, panel: Panel, [u, v]: [f64; 2]) -> [f64; 2] {
+        let turned = |at: f64, px: u32, reverse: bool| if reverse { f64::from(px) - at } else { at };
+        let along = turned(u, panel.width_px, self.reverse_u) * self.pixel_mm[0];
+        let across = turned(v, panel.height_px, self.reverse_v) * self.pixel_mm[1];
+        if self.swap { [across, along] } else { [along, across] }
+    }
+
     /// Whether the plate shows the picture mirrored, so that what runs
     /// counter-clockwise in the picture as seen runs clockwise over the plate.
     #[must_use]

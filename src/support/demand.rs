@@ -70,6 +70,7 @@ pub(super) fn ask(own: SelfSupport) -> Ask {
         min_island_mm2: own.min_area_mm2,
         layer: Some(LayerAsk { rules: own, growth: Growth::Conditional }),
         image: None,
+        resin: false,
     }
 }
 

@@ -23,7 +23,7 @@ pub(crate) fn layers(count: u32, layer_mm: f64, part: impl Fn(f64) -> Region) ->
     let layer = |number: u32| {
         let bottom_mm = f64::from(number) * layer_mm;
         let part = part(bottom_mm + layer_mm / 2.0);
-        Layer { number, bottom_mm, top_mm: bottom_mm + layer_mm, part, aid: Region::default() }
+        Layer { number, bottom_mm, top_mm: bottom_mm + layer_mm, part, ..Layer::default() }
     };
     (0..count).map(layer).collect()
 }

@@ -7,13 +7,14 @@ use super::{Args, Overhang};
 use crate::cli::{files, material, progress};
 use crate::detect::overhang::{self, SelfSupport};
 use crate::detect::overhang_normal;
+use crate::detect::resin::{Issues, exposure};
 use crate::detect::walk::{Ask, Findings, ImageAsk, LayerAsk, walk};
 use crate::layers::from_gcode;
 use crate::layers::from_images::FromImages;
 use crate::layers::from_mesh::{FromMesh, LayerHeights, Sliced};
 use crate::layers::stack::Layers;
 use crate::mesh::{self, place};
-use crate::report::check::{Report, Rules};
+use crate::report::check::{Ground, Report, Resin, Rules};
 use crate::report::survey::Survey;
 use anyhow::Context;
 use std::fs::File;
@@ -78,6 +79,7 @@ fn ask(args: &Args, rules: SelfSupport) -> Ask {
         min_island_mm2: rules.min_area_mm2,
         layer: wants(Overhang::Layer).then_some(LayerAsk { rules, growth }),
         image: wants(Overhang::Image).then_some(ImageAsk { rules, growth, pixel_mm }),
+        resin: false,
     }
 }
 
@@ -87,17 +89,18 @@ fn examine<L: Layers>(
     layers: &mut L,
     ask: &Ask,
     mut report: Report,
-) -> anyhow::Result<(Report, Eye)> {
+) -> anyhow::Result<(Report, Eye, Option<Issues>)> {
     let bar = progress::layers(layers.count(), args.quiet);
     let wants_page = args.picture.as_deref().and_then(drawing) == Some(Drawing::Html);
     let survey = args.picture.is_some().then(|| Survey::new(wants_page));
     let mut eye = Eye::new(bar.clone(), survey);
-    let found = walk(layers, ask, &mut eye)?;
+    let mut found = walk(layers, ask, &mut eye)?;
     bar.finish_and_clear();
     anyhow::ensure!(found.layers > 0, "it holds no layer, so there is nothing to check");
     report.seconds = eye.seconds_with(report.seconds);
+    let issues = found.resin.take();
     put(&mut report, found, &eye);
-    Ok((report, eye))
+    Ok((report, eye, issues))
 }
 
 fn put(report: &mut Report, found: Findings, eye: &Eye) {
@@ -145,7 +148,7 @@ fn mesh(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
         |fault| report.warnings.iter().fold(anyhow::Error::new(fault), |e, w| anyhow::anyhow!("{e}; {w}"));
     let mut layers = FromMesh::new(&mesh, heights).map_err(doubted)?;
     report.seconds.slice = prepared.elapsed().as_secs_f64();
-    let (mut report, eye) = examine(args, &mut layers, &ask(args, rules), report)?;
+    let (mut report, eye, _) = examine(args, &mut layers, &ask(args, rules), report)?;
     if [Overhang::Normal, Overhang::All].contains(&args.overhang) {
         let began = Instant::now();
         let found = overhang_normal::overhangs(&mesh, &rules, |z_mm| eye.tops.layer_at(z_mm));
@@ -194,7 +197,7 @@ fn gcode(args: &Args, mut opened: Opened) -> anyhow::Result<Checked> {
     let mut report = Report { file, kind, rules: told, printer, ..Report::default() };
     report.warnings = tracing_words(layers.facts());
     report.seconds.read = started.elapsed().as_secs_f64();
-    let (report, eye) = examine(args, &mut layers, &ask(args, rules), report)?;
+    let (report, eye, _) = examine(args, &mut layers, &ask(args, rules), report)?;
     Ok(Checked { report, mended_words: String::new(), survey: eye.survey })
 }
 
@@ -230,7 +233,14 @@ fn resin(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let kind = job.format().key();
     let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
     report.seconds.read = started.elapsed().as_secs_f64();
-    let mut layers: FromImages<BufReader<File>> = FromImages::new(job);
-    let (report, eye) = examine(args, &mut layers, &ask(args, rules), report)?;
+    let mut layers: FromImages<BufReader<File>> = FromImages::new(job).keeping_pictures();
+    let ask = Ask { resin: true, ..ask(args, rules) };
+    let (mut report, eye, issues) = examine(args, &mut layers, &ask, report)?;
+    let job = layers.job();
+    let exposures_s: Vec<f64> = job.layers().iter().map(|layer| layer.exposure_s).collect();
+    let [along_mm, across_mm] = job.placement().pixel_mm;
+    let ground = Ground { plate_mm: &|place| layers.plate_mm(place), pixel_mm2: along_mm * across_mm };
+    let issues = issues.unwrap_or_default();
+    report.resin = Some(Resin::new(&issues, &exposure::amiss(&exposures_s), &ground, &eye.tops));
     Ok(Checked { report, mended_words: String::new(), survey: eye.survey })
 }

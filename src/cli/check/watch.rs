@@ -38,6 +38,7 @@ impl Eye {
             slice: before.slice + of.slice,
             islands: before.islands + of.islands,
             overhangs: before.overhangs + of.overhangs,
+            resin: before.resin + of.resin,
             pictures: before.pictures + of.pictures,
             ..before
         }
@@ -60,6 +61,7 @@ impl Watch for Eye {
             Stage::Slice => of.slice += seconds,
             Stage::Islands => of.islands += seconds,
             Stage::Overhangs => of.overhangs += seconds,
+            Stage::Resin => of.resin += seconds,
             Stage::Watch => of.pictures += seconds,
         }
         self.bar.set_position(self.tops.0.len() as u64);

@@ -1,4 +1,6 @@
 //! What was found, as a table for people who print.
+mod resin;
+
 use crate::report::check::{Island, Overhangs, Region, Report, height_words};
 
 /// Rows of a list; the others are counted.
@@ -20,6 +22,9 @@ pub(super) fn table(report: &Report, mended: &str) -> String {
     islands(&mut lines, report);
     for found in report.overhangs_by_method.values() {
         overhangs(&mut lines, found, report.rules.min_area_mm2);
+    }
+    if let Some(resin) = &report.resin {
+        resin::table(&mut lines, report, resin);
     }
     if let Some(printer) = &report.printer {
         lines.push(String::new());
@@ -155,6 +160,9 @@ fn seconds(report: &Report) -> String {
     ];
     if !report.overhangs_by_method.is_empty() {
         parts.push(format!("overhangs {:.2}", s.overhangs));
+    }
+    if report.resin.is_some() {
+        parts.push(format!("resin {:.2}", s.resin));
     }
     format!("{:.2} s: {}", s.total, parts.join(", "))
 }

@@ -200,7 +200,7 @@ impl BeadLayers {
             self.stack.paths(k).iter().map(|&path| &self.trace.paths[path as usize]).collect();
         let [bottom_mm, top_mm] = self.stack.heights_mm(k);
         match region::regions(&self.trace, &paths) {
-            Some((part, aid)) => Ok(Layer { number: k as u32, bottom_mm, top_mm, part, aid }),
+            Some((part, aid)) => Ok(Layer { number: k as u32, bottom_mm, top_mm, part, aid, picture: None }),
             None => Err(GcodeError::Tangled { z_mm: top_mm }),
         }
     }

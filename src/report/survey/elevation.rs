@@ -141,7 +141,7 @@ mod tests {
             bottom_mm: f64::from(number) * 0.5,
             top_mm: f64::from(number + 1) * 0.5,
             part: Region { polygons },
-            aid: Region::default(),
+            ..Layer::default()
         }
     }
 

@@ -153,7 +153,7 @@ mod tests {
             bottom_mm: f64::from(number) * 0.1,
             top_mm: f64::from(number + 1) * 0.1,
             part: Region { polygons: vec![Polygon { rings: vec![(0..points).map(at).collect()] }] },
-            aid: Region::default(),
+            ..Layer::default()
         }
     }
 

@@ -256,7 +256,7 @@ mod tests {
             bottom_mm: f64::from(number) * 0.1,
             top_mm: f64::from(number + 1) * 0.1,
             part: Region { polygons },
-            aid: Region::default(),
+            ..Layer::default()
         };
         survey.add(Seen { layer: &layer, standings: &standings, overhangs: &[] });
     }

@@ -181,7 +181,7 @@ mod tests {
                 bottom_mm: number as f64,
                 top_mm: number as f64 + 1.0,
                 part: Region { polygons: runs.iter().map(square).collect() },
-                aid: Region::default(),
+                ..Layer::default()
             };
             elevation.add(Seen { layer: &layer, standings: &[], overhangs: &[] });
         }

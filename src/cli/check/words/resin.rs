@@ -1,0 +1,66 @@
+//! What would go wrong with a resin job, as a part of the table.
+use super::{ROWS_MAX, capital, count, more, place};
+use crate::report::check::{Report, Resin, ResinIssue, Severity, height_words};
+
+/// What a kind is called, once.
+fn name(kind: &str) -> &'static str {
+    match kind {
+        "island" => "weakly held island",
+        "overhang" => "far overhang",
+        "resin_trap" => "resin trap",
+        "suction_cup" => "suction cup",
+        "touching_bounds" => "place at the panel's edge",
+        "empty_layer" => "stretch of empty layers",
+        _ => "odd exposure",
+    }
+}
+
+/// Adds each kind with its rows. Islands that stand in the list of islands already are not told again.
+pub(super) fn table(lines: &mut Vec<String>, report: &Report, resin: &Resin) {
+    let mut nothing = true;
+    for (kind, _) in resin.counts() {
+        let told = |issue: &&ResinIssue| issue.kind == kind && !is_listed(report, issue);
+        let issues: Vec<&ResinIssue> = resin.issues.iter().filter(told).collect();
+        let Some(first) = issues.first() else { continue };
+        nothing = false;
+        lines.push(String::new());
+        let how_bad = if first.severity == Severity::Error { "" } else { " (warning)" };
+        lines.push(format!("{}{how_bad}: {}", capital(&count(issues.len() as u64, name(kind))), first.words));
+        lines.extend(issues.iter().take(ROWS_MAX).map(|issue| row(issue)));
+        more(lines, issues.len() as u64);
+    }
+    if resin.unlisted > 0 {
+        lines.push(format!("And {} more that are not listed", resin.unlisted));
+    }
+    if nothing {
+        lines.push(String::new());
+        lines.push(
+            "No resin trap, suction cup, empty layer or odd exposure; nothing at the panel's edge".to_owned(),
+        );
+    }
+}
+
+/// Whether an issue is an island that the polygons' list has as well.
+fn is_listed(report: &Report, issue: &ResinIssue) -> bool {
+    let Some([low, high]) = issue.bbox_mm.filter(|_| issue.kind == "island") else { return false };
+    report.islands.iter().chain(&report.small_islands).any(|island| {
+        let [x, y] = island.centroid_mm;
+        let within = low[0] <= x && x <= high[0] && low[1] <= y && y <= high[1];
+        island.layer == issue.layer && within
+    })
+}
+
+/// `layer 26 (Z 5.20 mm): 5.61 mm² at X 8.5 Y -8.5, up to Z 24.00, 12.3 mm³`
+fn row(issue: &ResinIssue) -> String {
+    let mut row = match issue.centroid_mm {
+        Some(centroid) => place(issue.layer, issue.top_mm, issue.area_mm2, centroid),
+        None => format!("  layer {:>5} (Z {:>7} mm)", issue.layer, height_words(issue.top_mm)),
+    };
+    if issue.end_layer > issue.layer {
+        row += &format!(", up to layer {} (Z {})", issue.end_layer, height_words(issue.end_top_mm));
+    }
+    if issue.volume_mm3 > 0.0 {
+        row += &format!(", {:.1} mm³", issue.volume_mm3);
+    }
+    row
+}
