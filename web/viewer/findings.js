@@ -14,6 +14,7 @@ function verdictOf(job) {
   const { report, totals } = job;
   const words = [plural(totals.islands, 'island')];
   if (report.overhangs) words.push(plural(report.overhangs.regions, 'overhang'));
+  if (report.resin) words.push(plural(hollowsAndMore(report).length + report.resin.unlisted, 'other resin issue'));
   const text = words.join(', ');
   return text[0].toUpperCase() + text.slice(1);
 }
@@ -27,6 +28,28 @@ function islandRow(island) {
 function regionRow(region) {
   const layers = region.end_layer > region.layer ? `layers ${region.layer} to ${region.end_layer}` : `layer ${region.layer}`;
   return ['overhang', `Layer ${region.layer} · Z ${height(region.top_mm)} · ${area(region.area_mm2)}`, `${place(region.centroid_mm)} · ${layers}`];
+}
+
+const RESIN_TITLES = {
+  island: 'Weakly held islands', overhang: 'Far overhangs', resin_trap: 'Resin traps', suction_cup: 'Suction cups',
+  touching_bounds: "At the panel's edge", empty_layer: 'Empty layers', exposure: 'Odd exposures',
+};
+
+/** Resin issues but for islands that the list of islands has as well. */
+function hollowsAndMore(report) {
+  const listed = [...report.islands, ...report.small_islands];
+  const same = ({ layer, bbox_mm: [low, high] }) => ({ layer: other, centroid_mm: [x, y] }) =>
+    layer === other && low[0] <= x && x <= high[0] && low[1] <= y && y <= high[1];
+  return report.resin.issues.filter((issue) => issue.kind !== 'island' || !listed.some(same(issue)));
+}
+
+function resinRow(issue) {
+  const layers = issue.end_layer > issue.layer ? `Layers ${issue.layer} to ${issue.end_layer}` : `Layer ${issue.layer}`;
+  const facts = [layers, `Z ${height(issue.top_mm)}`];
+  if (issue.volume_mm3) facts.push(`${mm(issue.volume_mm3, 1)} mm³`);
+  else if (issue.centroid_mm) facts.push(area(issue.area_mm2));
+  const colour = issue.severity === 'error' ? 'appears' : 'overhang';
+  return [colour, facts.join(' · '), `${issue.centroid_mm ? `${place(issue.centroid_mm)} · ` : ''}${issue.words}`];
 }
 
 /** Fills the side of the page. `onPick(finding)` goes to its place. */
@@ -52,6 +75,10 @@ function fillFindings(job, onPick) {
   if (report.overhangs?.regions) {
     const { method, largest, regions } = report.overhangs;
     at.append(findingsList(`Overhangs by ${method}`, largest, regions, !totals.islands, regionRow, pick));
+  }
+  for (const kind of Object.keys(report.resin ? RESIN_TITLES : {})) {
+    const issues = hollowsAndMore(report).filter((issue) => issue.kind === kind);
+    if (issues.length) at.append(findingsList(RESIN_TITLES[kind], issues, issues.length, !totals.islands, resinRow, pick));
   }
   const rules = [
     ['material', report.rules.material],

@@ -49,10 +49,10 @@ class Page {
 
   /** Goes to a finding's layer and place. */
   find(finding) {
-    const [[left, bottom], [right, top]] = finding.bbox_mm;
-    const box = [left, bottom, right, top];
+    // A layer that is empty or exposed wrongly has no place.
+    const box = finding.bbox_mm?.flat();
     this.go(this.layers.indexOf(finding.layer), box);
-    this.view.goTo(box);
+    if (box) this.view.goTo(box);
     if (matchMedia('(max-width: 860px)').matches) window.scrollTo({ top: 0, behavior: 'smooth' });
   }
 

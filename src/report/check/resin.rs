@@ -67,6 +67,22 @@ impl Resin {
         Resin { issues: seen.chain(set).collect(), unlisted: found.unlisted }
     }
 
+    /// The same with so many of each kind at the most: the largest; the others are unlisted.
+    #[must_use]
+    pub fn shown(&self, most: usize) -> Resin {
+        let mut shown = Resin { issues: Vec::new(), unlisted: self.unlisted };
+        for of_kind in self.issues.chunk_by(|a, b| a.kind == b.kind) {
+            let mut of_kind = of_kind.to_vec();
+            of_kind.sort_by(|a, b| {
+                b.volume_mm3.total_cmp(&a.volume_mm3).then(b.area_mm2.total_cmp(&a.area_mm2))
+            });
+            shown.unlisted += of_kind.len().saturating_sub(most) as u64;
+            of_kind.truncate(most);
+            shown.issues.extend(of_kind);
+        }
+        shown
+    }
+
     /// Kinds and how many of each, in order.
     #[must_use]
     pub fn counts(&self) -> Vec<(&'static str, u64)> {
@@ -107,22 +123,22 @@ fn told(kind: Kind) -> (&'static str, Severity, &'static str) {
         Kind::Island => (
             "island",
             Severity::Error,
-            "begins in the air, or less than a quarter of it is held: support it (outrigger post --supports auto)",
+            "less than a quarter of it is held by the layer below: support it (outrigger post --supports auto)",
         ),
         Kind::Overhang => (
             "overhang",
             Severity::Warning,
-            "reaches out far over the layer below: support it (outrigger post --supports auto)",
+            "far from what the layer below holds: support it (outrigger post --supports auto)",
         ),
         Kind::ResinTrap => (
             "resin_trap",
             Severity::Warning,
-            "a hollow that nothing drains: it stays full of liquid resin; give the model a drain hole",
+            "closed all around, it stays full of liquid resin: give the model a drain hole",
         ),
         Kind::SuctionCup => (
             "suction_cup",
             Severity::Warning,
-            "a hollow that is closed towards the plate and sucks at the film at each peel: give the model a vent near its lowest layer, or tilt it",
+            "closed towards the plate, it sucks at the film at each peel: give the model a vent near its lowest layer, or tilt it",
         ),
         Kind::TouchingBounds => (
             "touching_bounds",
@@ -132,7 +148,7 @@ fn told(kind: Kind) -> (&'static str, Severity, &'static str) {
         Kind::EmptyLayer => (
             "empty_layer",
             Severity::Error,
-            "nothing is exposed: what comes above holds to nothing; export the job again, or let the model down onto the plate",
+            "what comes above holds to nothing: let the model down onto the plate, or export the job again",
         ),
     }
 }
@@ -209,5 +225,7 @@ mod tests {
         );
         assert!(resin.issues[2].bbox_mm.is_none() && resin.issues[3].centroid_mm.is_none());
         assert_eq!(resin.unlisted, 3);
+        let shown = resin.shown(1);
+        assert_eq!((shown.issues.len(), shown.unlisted), (3, 4));
     }
 }

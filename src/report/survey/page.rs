@@ -63,6 +63,7 @@ pub fn html(report: &Report, survey: &Survey) -> std::io::Result<String> {
     let shown = Report {
         islands: largest(&report.islands),
         small_islands: largest(&report.small_islands),
+        resin: report.resin.as_ref().map(|resin| resin.shown(LISTED_MAX)),
         ..report.clone()
     };
     let classes = ALL.map(|c| ClassOf { name: c.name(), title: c.title() }).into();

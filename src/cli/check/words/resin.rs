@@ -2,6 +2,9 @@
 use super::{ROWS_MAX, capital, count, more, place};
 use crate::report::check::{Report, Resin, ResinIssue, Severity, height_words};
 
+/// Resin traps that hold less are counted only: pores between beads of pixels.
+const DROP_MM3: f64 = 0.1;
+
 /// What a kind is called, once.
 fn name(kind: &str) -> &'static str {
     match kind {
@@ -20,14 +23,20 @@ pub(super) fn table(lines: &mut Vec<String>, report: &Report, resin: &Resin) {
     let mut nothing = true;
     for (kind, _) in resin.counts() {
         let told = |issue: &&ResinIssue| issue.kind == kind && !is_listed(report, issue);
-        let issues: Vec<&ResinIssue> = resin.issues.iter().filter(told).collect();
+        let mut issues: Vec<&ResinIssue> = resin.issues.iter().filter(told).collect();
+        issues.sort_by(|a, b| b.volume_mm3.total_cmp(&a.volume_mm3).then(b.area_mm2.total_cmp(&a.area_mm2)));
         let Some(first) = issues.first() else { continue };
         nothing = false;
         lines.push(String::new());
         let how_bad = if first.severity == Severity::Error { "" } else { " (warning)" };
-        lines.push(format!("{}{how_bad}: {}", capital(&count(issues.len() as u64, name(kind))), first.words));
-        lines.extend(issues.iter().take(ROWS_MAX).map(|issue| row(issue)));
-        more(lines, issues.len() as u64);
+        let drops = issues.iter().filter(|issue| kind == "resin_trap" && issue.volume_mm3 < DROP_MM3).count();
+        let shown = issues.len() - drops;
+        lines.push(format!("{}{how_bad}: {}", capital(&count(shown as u64, name(kind))), first.words));
+        lines.extend(issues[..shown].iter().take(ROWS_MAX).map(|issue| row(issue)));
+        more(lines, shown as u64);
+        if drops > 0 {
+            lines.push(format!("Besides {} below {DROP_MM3} mm³", count(drops as u64, name(kind))));
+        }
     }
     if resin.unlisted > 0 {
         lines.push(format!("And {} more that are not listed", resin.unlisted));
