@@ -5,7 +5,8 @@ mod common;
 use common::made::{archive, png};
 use common::printer::BINARY;
 use serde_json::Value;
-use std::process::Command;
+use std::path::Path;
+use std::process::{Command, Output};
 
 /// The panel, px, with pixels of 1/20 mm. Layers have 0.1 mm.
 const PANEL: [usize; 2] = [320, 240];
@@ -100,6 +101,10 @@ fn issues(job: &[u8]) -> Vec<Value> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("job.sl1");
     std::fs::write(&file, job).unwrap();
+    issues_of(&file)
+}
+
+fn issues_of(file: &Path) -> Vec<Value> {
     let done = Command::new(BINARY)
         .args(["check", "--overhang", "none", "--json", "-"])
         .arg(&file)
@@ -248,4 +253,75 @@ fn odd_exposures_are_found() {
         made.exposures = exposures;
         expect
     });
+}
+
+/// `outrigger post` with those arguments, in a folder.
+fn post(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(BINARY).arg("post").args(arguments).current_dir(folder).output().unwrap()
+}
+
+#[test]
+fn islands_that_stay_small_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut made = Made::new();
+    // 0.25 mm², 2.25 mm², and one that grows: it wants support.
+    let (small, large, tip, grown) =
+        ([20, 20, 30, 30], [20, 60, 50, 90], [20, 150, 24, 154], [20, 150, 80, 190]);
+    made.add([4, 9], small);
+    made.add([4, 9], large);
+    made.add([4, 5], tip);
+    made.add([6, LAYERS - 1], grown);
+    let job = made.job();
+    std::fs::write(path("job.sl1"), &job).unwrap();
+    let done = post(folder.path(), &["--remove-islands", "0.5", "-o", "out.sl1", "--report", "-", "job.sl1"]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let report: Value = serde_json::from_slice(&done.stdout).unwrap();
+    for (key, expect) in
+        [("removed_islands", 1), ("removed_pixels", 600), ("layers_changed", 6), ("islands_left", 3)]
+    {
+        assert_eq!(report[key], expect, "{report}");
+    }
+    // The large one, the tip, and what is too wide for its tip.
+    let left: Vec<u64> = issues_of(&path("out.sl1"))
+        .iter()
+        .filter(|i| i["kind"] == "island")
+        .map(|i| i["layer"].as_u64().unwrap())
+        .collect();
+    assert_eq!(left, [4, 4, 6]);
+    assert!(std::fs::read(path("job.sl1")).unwrap() == job, "FILE stays");
+    // In place, and in another format.
+    let done = post(folder.path(), &["--remove-islands", "3", "job.sl1"]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert_eq!(issues_of(&path("job.sl1")).iter().filter(|i| i["kind"] == "island").count(), 2);
+    let done = post(folder.path(), &["--remove-islands", "0.1", "-o", "out.goo", "job.sl1"]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert_eq!(issues_of(&path("out.goo")).iter().filter(|i| i["kind"] == "island").count(), 2);
+}
+
+#[test]
+fn where_no_island_stays_small_the_job_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut made = Made::new();
+    made.add([4, 9], [20, 60, 50, 90]);
+    let job = made.job();
+    std::fs::write(path("job.sl1"), &job).unwrap();
+    let said = |done: &Output| String::from_utf8_lossy(&done.stderr).into_owned();
+    let done = post(folder.path(), &["--remove-islands", "0.5", "job.sl1"]);
+    assert!(done.status.success() && said(&done).contains("left as it was"), "{}", said(&done));
+    let done = post(folder.path(), &["--remove-islands", "0.5", "-o", "copy.sl1", "job.sl1"]);
+    assert!(done.status.success(), "{}", said(&done));
+    for name in ["job.sl1", "copy.sl1"] {
+        assert!(std::fs::read(path(name)).unwrap() == job, "{name}");
+    }
+    for wrong in ["-1", "0", "x"] {
+        assert_eq!(
+            post(folder.path(), &["--remove-islands", wrong, "job.sl1"]).status.code(),
+            Some(2),
+            "{wrong}"
+        );
+    }
+    std::fs::write(path("job.gcode"), "G28\n").unwrap();
+    assert_eq!(post(folder.path(), &["--remove-islands", "1", "job.gcode"]).status.code(), Some(2));
 }

@@ -6,6 +6,7 @@
 //! ([`resin`]), by its content.
 mod model;
 mod resin;
+mod specks;
 mod supports;
 
 use super::files::{self, Replacement};
@@ -38,6 +39,7 @@ use std::time::Instant;
 /// A resin job is written to OUT in the format that OUT's name ends in (.sl1, .sl1s,
 /// .nanodlp, .goo), its pictures as they are; a line tells each thing that the format has
 /// no place for, or wants and the job does not tell. In its own format it is copied.
+/// --remove-islands takes out what would print in the air and stays small.
 #[derive(ClapArgs, Debug)]
 pub(super) struct Args {
     /// The job: G-code of PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura or Slic3r,
@@ -49,7 +51,7 @@ pub(super) struct Args {
     /// Write what was done as JSON; "-" is standard output
     ///
     /// Of a resin job its fields are kind, kind_out, layers, layers_changed, notes,
-    /// seconds, unchanged_reason. With --supports they are those of `outrigger support
+    /// removed_islands, removed_pixels, islands_left, seconds, unchanged_reason. With --supports they are those of `outrigger support
     /// --json`, replaced_mm3 (of the slicer's own), and model with file and moved_mm.
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
@@ -76,6 +78,11 @@ pub(super) struct Args {
     /// filament where it names one, else pla; for resin jobs resin-standard]
     #[arg(long, value_name = "NAME", requires = "supports")]
     material: Option<String>,
+    /// Leave out islands of a resin job that stay smaller than this, mm², rather than support them
+    ///
+    /// Such an island has nothing below it in any layer, and nothing that stands needs it.
+    #[arg(long, value_name = "MM2", value_parser = super::model::positive, conflicts_with = "supports")]
+    remove_islands: Option<f64>,
     /// Reorder the first layer too
     #[arg(long)]
     first_layer: bool,
@@ -153,6 +160,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::from(2));
         }
         return if args.supports.is_some() { supports::run(args) } else { resin::run(args) };
+    }
+    if args.remove_islands.is_some() {
+        eprintln!("outrigger: --remove-islands is for resin jobs; {} is none", args.file.display());
+        return Ok(ExitCode::from(2));
     }
     if let Some(output) = args.output.as_deref().filter(|to| resin::named(to).is_some()) {
         anyhow::bail!(

@@ -10,6 +10,7 @@
 //! - [`overhang`]: pieces that reach out too far over it
 //! - [`voids`]: resin traps and suction cups
 //! - [`bounds`]: what lies at the panel's margin; empty layers need no file
+//! - [`specks`]: islands that may be left out
 //! - [`exposure`]: settings that are a slip; needs no picture
 pub mod bounds;
 pub mod exposure;
@@ -17,6 +18,7 @@ pub mod island;
 pub mod overhang;
 #[cfg(test)]
 mod reference;
+pub mod specks;
 pub mod voids;
 
 use crate::layers::raster::{Piece, Raster};

@@ -8,12 +8,13 @@
 //! - [`into_mesh`]: a forest as closed bodies; [`together`]: these and a part as one stack
 //! - [`into_gcode`]: as beads, layer by layer; [`out_of_gcode`]: the slicer's own taken out;
 //!   [`gcode`]: what both know of a job
-//! - [`into_images`]: drawn into pictures
+//! - [`into_images`]: drawn into pictures; [`out_of_images`]: pixels taken out of them
 pub mod gcode;
 pub mod into_gcode;
 pub mod into_images;
 pub mod into_mesh;
 pub mod out_of_gcode;
+pub mod out_of_images;
 #[cfg(test)]
 mod testing;
 pub mod together;

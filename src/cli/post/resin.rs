@@ -1,8 +1,9 @@
-//! `outrigger post` with a resin job: the same job in another format.
+//! `outrigger post` with a resin job: the same job in another format, or without small islands
+//! ([`super::specks`]).
 //!
 //! There is no hook of a slicer here: without an output there is nothing to do, and the
 //! file stays. With one, the format is what its name ends in.
-use super::{Args, Supports, forgive, write_report};
+use super::{Args, Supports, forgive, specks, write_report};
 use crate::causes;
 use crate::cli::files::{self, Replacement, Seen};
 use crate::cli::progress;
@@ -25,21 +26,27 @@ const ENDINGS: &str = ".sl1, .sl1s, .nanodlp or .goo";
 
 /// The report. Its JSON fields are an interface: they are only added to.
 #[derive(Debug, Default, Serialize)]
-struct Report {
+pub(super) struct Report {
     /// Format of FILE: `sl1`, `nanodlp` or `goo`; `null` when it cannot be read.
     kind: Option<&'static str>,
     /// Format of OUT; that of FILE where there is none.
-    kind_out: Option<&'static str>,
+    pub(super) kind_out: Option<&'static str>,
     /// Layers of the job.
     layers: u32,
     /// Layers whose picture was changed.
-    layers_changed: u32,
+    pub(super) layers_changed: u32,
     /// What OUT's format has no place for, or wants and is not told; a line each.
-    notes: Vec<String>,
+    pub(super) notes: Vec<String>,
+    /// Islands that were left out (--remove-islands).
+    pub(super) removed_islands: u64,
+    /// Their pixels in all layers.
+    pub(super) removed_pixels: u64,
+    /// Islands of which less than a quarter is held, in what was written.
+    pub(super) islands_left: u64,
     /// What it took, s.
     seconds: f64,
     /// Why the file was left as it is; `null` when something was written otherwise.
-    unchanged_reason: Option<String>,
+    pub(super) unchanged_reason: Option<String>,
 }
 
 /// Whether a file begins as a resin job. A file that cannot be read does not.
@@ -79,10 +86,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let started = Instant::now();
     let path = files::resolve(&args.file)?;
     let file = files::open_regular(&path)?;
-    let mut report = match &args.output {
-        Some(output) => convert(args, &file, &path, output)?,
+    let removed = args.remove_islands.map(|max_mm2| specks::removed(args, &file, &path, max_mm2));
+    let mut report = match (&args.output, removed) {
+        (Some(_), Some(removed)) => removed?,
+        (None, Some(Ok(report))) => report,
+        (Some(output), None) => convert(args, &file, &path, output)?,
         // As with G-code: nothing that is in doubt ends in an error without OUT.
-        None => match open(&file) {
+        (None, Some(Err(error))) => {
+            Report { unchanged_reason: Some(causes::line(&error)), ..Report::default() }
+        }
+        (None, None) => match open(&file) {
             Ok(job) => report_of(&job),
             Err(error) => Report { unchanged_reason: Some(causes::line(&error)), ..Report::default() },
         },
@@ -102,7 +115,7 @@ pub(super) fn open(file: &File) -> anyhow::Result<Open<'_>> {
 }
 
 /// What is said of a job that nothing was done to.
-fn report_of(job: &Open<'_>) -> Report {
+pub(super) fn report_of(job: &Open<'_>) -> Report {
     let kind = Some(job.format().key());
     Report {
         kind,
@@ -110,6 +123,9 @@ fn report_of(job: &Open<'_>) -> Report {
         layers: job.layers().len() as u32,
         layers_changed: 0,
         notes: Vec::new(),
+        removed_islands: 0,
+        removed_pixels: 0,
+        islands_left: 0,
         seconds: 0.0,
         unchanged_reason: Some(format!(
             "there is nothing to do to a resin job; -o with a name that ends in {ENDINGS} writes it in that format"
@@ -169,7 +185,8 @@ pub(super) fn written(
 
 /// What was done, for people: a line, and one for each thing that could not be carried over.
 fn tell(args: &Args, report: &Report) {
-    if let Some(reason) = report.unchanged_reason.as_deref().filter(|_| args.output.is_none()) {
+    let left = args.output.is_none() || args.remove_islands.is_some();
+    if let Some(reason) = report.unchanged_reason.as_deref().filter(|_| left) {
         return eprintln!("outrigger: {}: left as it was: {reason}", files::display_name(&args.file));
     }
     if args.quiet {
@@ -181,6 +198,16 @@ fn tell(args: &Args, report: &Report) {
     } else {
         format!("{} layers from {from} to {to} in {:.1} s", report.layers, report.seconds)
     };
+    if args.remove_islands.is_some() {
+        words = format!(
+            "{} islands left out ({} px in {} layers); islands left: {}; {:.1} s",
+            report.removed_islands,
+            report.removed_pixels,
+            report.layers_changed,
+            report.islands_left,
+            report.seconds
+        );
+    }
     for note in &report.notes {
         words += "\nNote: ";
         words += note;

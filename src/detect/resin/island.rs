@@ -16,10 +16,12 @@ pub fn islands(layer: &Raster, below: &Raster) -> Vec<Piece> {
     let pieces = Pieces::of(layer.mask(Level::Counts));
     let held = pieces.pixels_in(&below.mask(Level::Holds));
     let pairs = pieces.list().iter().zip(held);
-    pairs
-        .filter(|(piece, held)| *held == 0 || held * ONE_HELD_OF < piece.pixels)
-        .map(|(piece, _)| *piece)
-        .collect()
+    pairs.filter(|(piece, held)| !is_held(piece.pixels, *held)).map(|(piece, _)| *piece).collect()
+}
+
+/// Whether enough pixels of a piece are held.
+pub(super) fn is_held(pixels: u64, held: u64) -> bool {
+    held > 0 && held * ONE_HELD_OF >= pixels
 }
 
 #[cfg(test)]

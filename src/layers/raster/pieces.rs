@@ -100,7 +100,30 @@ impl Pieces {
     /// The pixels of one piece.
     #[must_use]
     pub fn only(&self, piece: u32) -> Mask {
-        self.mask.filtered(|place| self.of_span[place] == piece)
+        self.those(|one| one == piece)
+    }
+
+    /// The pixels of the pieces that are wanted.
+    #[must_use]
+    pub fn those(&self, wanted: impl Fn(u32) -> bool) -> Mask {
+        self.mask.filtered(|place| wanted(self.of_span[place]))
+    }
+
+    /// The pixels of all pieces.
+    #[must_use]
+    pub fn mask(&self) -> &Mask {
+        &self.mask
+    }
+
+    /// The pixels of one piece: rows, and the columns in them.
+    #[must_use]
+    pub fn rows(&self, piece: u32) -> Vec<(u32, [u16; 2])> {
+        let Piece { low, high, .. } = self.list[piece as usize];
+        let of_row = |row| {
+            let own = self.mask.places(row).filter(|&place| self.of_span[place] == piece);
+            own.map(move |place| (row, self.mask.span(place)))
+        };
+        (low[1]..high[1]).flat_map(of_row).collect()
     }
 }
 
