@@ -105,11 +105,8 @@ fn issues(job: &[u8]) -> Vec<Value> {
 }
 
 fn issues_of(file: &Path) -> Vec<Value> {
-    let done = Command::new(BINARY)
-        .args(["check", "--overhang", "none", "--json", "-"])
-        .arg(&file)
-        .output()
-        .unwrap();
+    let done =
+        Command::new(BINARY).args(["check", "--overhang", "none", "--json", "-"]).arg(file).output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let report: Value = serde_json::from_slice(&done.stdout).unwrap();
     assert_eq!(report["resin"]["unlisted"], 0);
@@ -194,6 +191,25 @@ fn resin_traps_are_found() {
         made.cut(layers, place);
         vec![("resin_trap", layers[0], layers[1], Some(place))]
     });
+}
+
+#[test]
+fn a_hole_is_proposed_through_the_thinnest_wall() {
+    for case in 1..=CASES {
+        let (mut dice, mut made) = (Dice(case), Made::new());
+        let place = dice.within(INSIDE, 30, 60);
+        made.cut([2, 20], place);
+        let found = issues(&made.job());
+        let hole = &found[0]["hole"];
+        let [left, top, right, bottom] = place;
+        let walls = [left - BLOCK[0], top - BLOCK[1], BLOCK[2] - right, BLOCK[3] - bottom];
+        // From the middle of a pixel to the middle of another.
+        let expect_mm = (walls.into_iter().min().unwrap() + 1) as f64 * PIXEL_MM;
+        assert!((hole["length_mm"].as_f64().unwrap() - expect_mm).abs() < 1e-9, "{place:?}: {hole}");
+        // 1 mm above the lowest layer, whose top is at 0.3 mm.
+        let top_mm = hole["top_mm"].as_f64().unwrap();
+        assert!((1.29..1.41).contains(&top_mm), "{hole}");
+    }
 }
 
 #[test]

@@ -8,11 +8,12 @@
 //! # Layout
 //! - [`island`]: pieces that too little of the layer below holds
 //! - [`overhang`]: pieces that reach out too far over it
-//! - [`voids`]: resin traps and suction cups
+//! - [`voids`]: resin traps and suction cups; [`drain`]: where a hole would let it out
 //! - [`bounds`]: what lies at the panel's margin; empty layers need no file
 //! - [`specks`]: islands that may be left out
 //! - [`exposure`]: settings that are a slip; needs no picture
 pub mod bounds;
+pub mod drain;
 pub mod exposure;
 pub mod island;
 pub mod overhang;

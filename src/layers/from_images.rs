@@ -80,10 +80,10 @@ impl<R: Read + Seek> FromImages<R> {
         FromImages { keep_pictures: true, ..self }
     }
 
-    /// Where a place in the pictures, column and row, lies over the plate, mm.
+    /// The job, when its layers are done with.
     #[must_use]
-    pub fn plate_mm(&self, place: [f64; 2]) -> [f64; 2] {
-        self.job.placement().plate_mm(self.job.panel(), place)
+    pub fn into_job(self) -> Job<R> {
+        self.job
     }
 
     /// The job.

@@ -8,7 +8,7 @@
 //! printer prints it.
 mod resin;
 
-pub use resin::{Ground, Resin, ResinIssue, Severity};
+pub use resin::{Ground, Hole, Resin, ResinIssue, Severity};
 
 use crate::detect;
 use crate::detect::overhang::{Method, OverhangRegion};
@@ -198,7 +198,9 @@ pub struct Seconds {
 pub struct Tops(pub Vec<f64>);
 
 impl Tops {
-    fn of(&self, layer: u32) -> f64 {
+    /// The Z at which a layer is printed, mm.
+    #[must_use]
+    pub fn of(&self, layer: u32) -> f64 {
         self.0.get(layer as usize).or(self.0.last()).copied().unwrap_or_default()
     }
 

@@ -3,26 +3,24 @@ use super::flags::{Drawing, Growth, LAYER_MM, PIXEL_MM, drawing};
 use super::kind::{Kind, Opened};
 use super::printer;
 use super::watch::Eye;
-use super::{Args, Overhang};
+use super::{Args, Overhang, resin};
 use crate::cli::{files, material, progress};
 use crate::detect::overhang::{self, SelfSupport};
 use crate::detect::overhang_normal;
-use crate::detect::resin::{Issues, exposure};
+use crate::detect::resin::Issues;
 use crate::detect::walk::{Ask, Findings, ImageAsk, LayerAsk, walk};
 use crate::layers::from_gcode;
-use crate::layers::from_images::FromImages;
 use crate::layers::from_mesh::{FromMesh, LayerHeights, Sliced};
 use crate::layers::stack::Layers;
 use crate::mesh::{self, place};
-use crate::report::check::{Ground, Report, Resin, Rules};
+use crate::report::check::{Report, Rules};
 use crate::report::survey::Survey;
 use anyhow::Context;
-use std::fs::File;
 use std::io::{BufReader, Seek};
 use std::time::Instant;
 
 /// Read buffer, bytes.
-const BUFFER_BYTES: usize = 256 << 10;
+pub(super) const BUFFER_BYTES: usize = 256 << 10;
 
 /// A file that was checked.
 pub(super) struct Checked {
@@ -42,7 +40,7 @@ pub(super) fn check(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let mut checked = match opened.kind {
         Kind::Stl => mesh(args, opened),
         Kind::Gcode => gcode(args, opened),
-        Kind::Resin => resin(args, opened),
+        Kind::Resin => resin::check(args, opened),
     }
     .with_context(|| files::display_name(&args.file))?;
     checked.report.seconds.total = started.elapsed().as_secs_f64();
@@ -50,7 +48,7 @@ pub(super) fn check(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
 }
 
 /// The rules of the material, but for what the flags say.
-fn rules(args: &Args, material: &str) -> anyhow::Result<(Rules, SelfSupport)> {
+pub(super) fn rules(args: &Args, material: &str) -> anyhow::Result<(Rules, SelfSupport)> {
     let name = args.rules.material.as_deref().unwrap_or(material);
     let of = material::printed(name)?.own;
     let rules = SelfSupport {
@@ -68,7 +66,7 @@ fn rules(args: &Args, material: &str) -> anyhow::Result<(Rules, SelfSupport)> {
 }
 
 /// What to look for.
-fn ask(args: &Args, rules: SelfSupport) -> Ask {
+pub(super) fn ask(args: &Args, rules: SelfSupport) -> Ask {
     let growth = match args.rules.growth {
         Growth::Conditional => overhang::Growth::Conditional,
         Growth::Naive => overhang::Growth::Naive,
@@ -84,7 +82,7 @@ fn ask(args: &Args, rules: SelfSupport) -> Ask {
 }
 
 /// Walks over the layers and puts what is found into the report.
-fn examine<L: Layers>(
+pub(super) fn examine<L: Layers>(
     args: &Args,
     layers: &mut L,
     ask: &Ask,
@@ -224,23 +222,4 @@ fn tracing_words(facts: &from_gcode::Facts) -> Vec<String> {
         );
     }
     words
-}
-
-fn resin(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
-    let started = Instant::now();
-    let (told, rules) = rules(args, "resin-standard")?;
-    let job = crate::resin::open(BufReader::with_capacity(BUFFER_BYTES, opened.file))?;
-    let kind = job.format().key();
-    let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
-    report.seconds.read = started.elapsed().as_secs_f64();
-    let mut layers: FromImages<BufReader<File>> = FromImages::new(job).keeping_pictures();
-    let ask = Ask { resin: true, ..ask(args, rules) };
-    let (mut report, eye, issues) = examine(args, &mut layers, &ask, report)?;
-    let job = layers.job();
-    let exposures_s: Vec<f64> = job.layers().iter().map(|layer| layer.exposure_s).collect();
-    let [along_mm, across_mm] = job.placement().pixel_mm;
-    let ground = Ground { plate_mm: &|place| layers.plate_mm(place), pixel_mm2: along_mm * across_mm };
-    let issues = issues.unwrap_or_default();
-    report.resin = Some(Resin::new(&issues, &exposure::amiss(&exposures_s), &ground, &eye.tops));
-    Ok(Checked { report, mended_words: String::new(), survey: eye.survey })
 }

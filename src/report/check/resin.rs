@@ -46,8 +46,26 @@ pub struct ResinIssue {
     pub centroid_mm: Option<[f64; 2]>,
     /// Lowest and highest x, y; `null` where it has no place.
     pub bbox_mm: Option<[[f64; 2]; 2]>,
+    /// The shortest way out of a hollow, in a layer near its lowest; `null` for what is none, and for
+    /// small ones. A hole there drains it: nobody cuts it here.
+    pub hole: Option<Hole>,
     /// In words, with what to do.
     pub words: String,
+}
+
+/// A way through the wall, along one layer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Hole {
+    /// The layer.
+    pub layer: u32,
+    /// Z at which it is printed.
+    pub top_mm: f64,
+    /// Its end in the hollow.
+    pub from_mm: [f64; 2],
+    /// Its end outside.
+    pub to_mm: [f64; 2],
+    /// From the one to the other.
+    pub length_mm: f64,
 }
 
 /// How pixels lie over the plate.
@@ -113,6 +131,7 @@ fn of_picture(issue: &Issue, ground: &Ground, tops: &Tops) -> ResinIssue {
         volume_mm3: issue.volume_px_mm * ground.pixel_mm2,
         centroid_mm: placed.then(|| (ground.plate_mm)(issue.centroid_px)),
         bbox_mm: placed.then_some(bbox_mm),
+        hole: None,
         words: words.to_owned(),
     }
 }
@@ -188,6 +207,7 @@ fn of_exposure(amiss: &exposure::Amiss, tops: &Tops) -> ResinIssue {
         volume_mm3: 0.0,
         centroid_mm: None,
         bbox_mm: None,
+        hole: None,
         words: format!("{words}; look at the exposure times in the slicer"),
     }
 }

@@ -71,5 +71,13 @@ fn row(issue: &ResinIssue) -> String {
     if issue.volume_mm3 > 0.0 {
         row += &format!(", {:.1} mm³", issue.volume_mm3);
     }
+    if let Some(hole) = issue.hole {
+        let ([x, y], [to_x, to_y]) = (hole.from_mm, hole.to_mm);
+        row += &format!(
+            "; a hole of {:.1} mm at Z {} from X {x:.1} Y {y:.1} to X {to_x:.1} Y {to_y:.1} would drain it",
+            hole.length_mm,
+            height_words(hole.top_mm)
+        );
+    }
     row
 }
