@@ -1,4 +1,4 @@
-//! How fast a resin job's pictures become polygons.
+//! How fast a resin job's pictures become polygons, and are searched for what would go wrong.
 //!
 //! `cargo bench --bench images`; `OUTRIGGER_BENCH_RESIN=FILE` measures a job of your own
 //! besides those that the bench makes: many supports on a panel of 2560 × 1440 px, and
@@ -6,13 +6,15 @@
 //!
 //! The peer in the same run is the least that any reader must do: unpacking the
 //! archive and the pictures, on as many threads. The target is that contours cost less
-//! than that: a ratio of at least 0.5.
+//! than that: a ratio of at least 0.5. Searching the pictures besides (islands, traps, cups and the
+//! rest, with the polygons' own islands) may cost as much again: a third.
 #[path = "../gcode/benches/common/mod.rs"]
 mod common;
 
 use common::ratio::Ratios;
 use common::run::run;
 use criterion::{Criterion, SamplingMode, Throughput};
+use outrigger::detect::walk::{Ask, walk};
 use outrigger::layers::from_images::FromImages;
 use outrigger::layers::stack::Layers;
 use outrigger::resin;
@@ -59,6 +61,14 @@ impl Bench {
             corners += batch.iter().map(|l| l.part.len()).sum::<usize>();
         }
         corners
+    }
+
+    /// Issues of all layers.
+    fn searched(&self) -> usize {
+        let job = resin::open(Cursor::new(&self.job)).expect("a resin job");
+        let ask = Ask { resin: true, ..Ask::default() };
+        let found = walk(&mut FromImages::new(job).keeping_pictures(), &ask, &mut ()).expect("layers");
+        found.resin.map_or(0, |issues| issues.list.len())
     }
 
     /// Rows of all pictures.
@@ -132,6 +142,7 @@ fn benches(c: &mut Criterion) {
         let mut group = c.benchmark_group(format!("images/{}", bench.name));
         group.sampling_mode(SamplingMode::Flat).throughput(Throughput::Bytes(bench.pixels as u64));
         group.bench_function("contours", |b| b.iter(|| bench.contours()));
+        group.bench_function("searched", |b| b.iter(|| bench.searched()));
         group.bench_function("unpacking alone", |b| b.iter(|| bench.unpacked()));
     }
 }
@@ -141,6 +152,8 @@ fn ratios(ratios: &Ratios) {
         eprintln!("{}: {} MPx, {} corners", bench.name, bench.pixels / 1_000_000, bench.contours());
         let contours = || bench.contours();
         ratios.compare(bench.pixels, ("contours", contours), ("unpacking alone", || bench.unpacked()));
+        let searched = || bench.searched();
+        ratios.compare(bench.pixels, ("searched", searched), ("unpacking alone", || bench.unpacked()));
     }
 }
 

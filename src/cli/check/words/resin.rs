@@ -74,7 +74,7 @@ fn row(issue: &ResinIssue) -> String {
     if let Some(hole) = issue.hole {
         let ([x, y], [to_x, to_y]) = (hole.from_mm, hole.to_mm);
         row += &format!(
-            "; a hole of {:.1} mm at Z {} from X {x:.1} Y {y:.1} to X {to_x:.1} Y {to_y:.1} would drain it",
+            "; a hole {:.1} mm long at Z {} from X {x:.1} Y {y:.1} to X {to_x:.1} Y {to_y:.1} would drain it",
             hole.length_mm,
             height_words(hole.top_mm)
         );
