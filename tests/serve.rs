@@ -382,6 +382,22 @@ fn a_broken_off_job_is_resumed_after_a_restart_or_forgotten() {
 }
 
 #[test]
+fn a_port_is_kept_from_job_to_job() {
+    let mock = steady("50");
+    let state = tempfile::tempdir().unwrap();
+    let daemon = Daemon::start(state.path(), &config(&mock.path("tty"), "clear_bed = 'assume'"));
+    daemon.wait_printer("mock", "ready");
+    // By its name nobody finds it again: opening some boards' ports anew would reset them.
+    std::fs::remove_file(mock.path("tty")).unwrap();
+    for moves in [40, 50] {
+        let job = daemon.queue(&daemon.upload("part.gcode", &clean_job(moves)), "mock");
+        daemon.wait_job(&job, "finished");
+        daemon.wait_printer("mock", "ready");
+    }
+    daemon.end();
+}
+
+#[test]
 fn heaters_that_nobody_needs_go_off() {
     let mock = steady("20");
     let state = tempfile::tempdir().unwrap();

@@ -6,6 +6,8 @@
 //! their zip being guessed. Fails by panic, by time and by memory.
 #![no_main]
 use libfuzzer_sys::fuzz_target;
+use outrigger::detect::resin::Kind;
+use outrigger::detect::walk::{Ask, walk};
 use outrigger::layers::from_images::FromImages;
 use outrigger::layers::stack::Layers;
 use outrigger::resin;
@@ -55,6 +57,21 @@ fn read(bytes: &[u8]) {
                 assert!(off <= expect * 0.22 + 1e-9, "{off} of {expect}");
             }
         }
+    }
+    search(bytes, [panel.width_px, panel.height_px]);
+}
+
+/// What is found in the pictures lies in them.
+fn search(bytes: &[u8], size: [u32; 2]) {
+    let Ok(job) = resin::open(Cursor::new(bytes)) else { return };
+    let count = job.layers().len() as u32;
+    let mut layers = FromImages::new(job).keeping_pictures();
+    let Ok(found) = walk(&mut layers, &Ask { resin: true, ..Ask::default() }, &mut ()) else { return };
+    for issue in found.resin.expect("was asked for").list {
+        assert!(issue.layer <= issue.end_layer && issue.end_layer < count, "{issue:?}");
+        let [low, high] = issue.box_px;
+        let placed = issue.kind != Kind::EmptyLayer;
+        assert!((0..2).all(|axis| high[axis] <= size[axis] && (low[axis] < high[axis]) == placed), "{issue:?}");
     }
 }
 

@@ -288,7 +288,7 @@ pub(super) async fn print(
         watcher: &mut show,
         started,
     };
-    let end = run_host(&mut host, wires).await;
+    let end = run_host(&mut host, wires).await.end;
     show.finish();
     verdict::verdict(&printing.name, id, &end, host.state(), &show)
 }

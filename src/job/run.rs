@@ -106,6 +106,15 @@ pub enum End {
     Quit,
 }
 
+/// What is left when a run is over.
+#[derive(Debug)]
+pub struct Ended {
+    /// How it ended.
+    pub end: End,
+    /// The port, where it was open to the end. Who does not want it drops it.
+    pub port: Option<Port>,
+}
+
 /// The port, or what is done about it.
 enum Link {
     Open(Port),
@@ -121,6 +130,14 @@ enum Came {
 }
 
 impl Link {
+    /// The port, if it is open.
+    fn open(self) -> Option<Port> {
+        match self {
+            Link::Open(port) => Some(port),
+            Link::Away(_) | Link::Closed => None,
+        }
+    }
+
     /// Nothing is lost when the returned future is dropped.
     async fn exchange(&mut self, input: &mut [u8], output: &[u8]) -> Came {
         match self {
@@ -135,11 +152,20 @@ impl Link {
 ///
 /// Dropping the future abandons the job where it is: the caller then tells that
 /// heaters may be on.
-pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>) -> End {
+pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>) -> Ended {
     let Wires { port, hard_stop, identity, scribe, mut mail, watcher, started } = wires;
     let baud = port.baud();
     let mut link = Link::Open(port);
-    let mut run = Run { book: Book::new(scribe), hard_stop, identity, baud, watcher, started, over_at: None };
+    let mut run = Run {
+        book: Book::new(scribe),
+        hard_stop,
+        identity,
+        baud,
+        watcher,
+        started,
+        over_at: None,
+        done: None,
+    };
     let mut input = [0_u8; READ_BYTES];
     let mut timer = pin!(sleep_until(started));
     let mut mail_open = true;
@@ -147,7 +173,7 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
         run.book.take(host, now_ms(started));
         run.tell(host);
         if let Some(end) = run.end(host) {
-            return end;
+            return Ended { end, port: run.done.or(link.open()) };
         }
         run.obey(host, &mut link).await;
         let due = run.due(host);
@@ -159,9 +185,11 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
         tokio::select! {
             biased;
             letter = mail.recv(), if mail_open => match letter {
-                Some(Mail::Quit) => return End::Quit,
+                Some(Mail::Quit) => return Ended { end: End::Quit, port: link.open() },
                 // A broken-off job that waits for a word is left as it is.
-                Some(Mail::Ask(Request::Cancel)) if host.state() == State::Interrupted => return End::Quit,
+                Some(Mail::Ask(Request::Cancel)) if host.state() == State::Interrupted => {
+                    return Ended { end: End::Quit, port: link.open() };
+                }
                 Some(letter) => run.read(letter, host, &mut link),
                 // Nobody is left who could write.
                 None => mail_open = false,
@@ -198,6 +226,8 @@ struct Run<'a, W> {
     watcher: &'a mut W,
     started: Instant,
     over_at: Option<Instant>,
+    /// The port, when the host is done with it.
+    done: Option<Port>,
 }
 
 impl<W: Watcher> Run<'_, W> {
@@ -237,6 +267,7 @@ impl<W: Watcher> Run<'_, W> {
             PortWish::Reopen => {
                 if !matches!(link, Link::Away(_)) {
                     // The old one first: two openings exclude each other.
+                    self.done = None;
                     *link = Link::Closed;
                     *link = Link::Away(Box::pin(reopened(self.identity.clone(), self.baud)));
                 }
@@ -248,7 +279,11 @@ impl<W: Watcher> Run<'_, W> {
                 };
                 host.hard_stopped(done, now_ms(self.started));
             }
-            PortWish::Close => *link = Link::Closed,
+            PortWish::Close => {
+                if let Some(port) = std::mem::replace(link, Link::Closed).open() {
+                    self.done = Some(port);
+                }
+            }
         }
     }
 

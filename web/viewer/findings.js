@@ -49,7 +49,9 @@ function resinRow(issue) {
   if (issue.volume_mm3) facts.push(`${mm(issue.volume_mm3, 1)} mm³`);
   else if (issue.centroid_mm) facts.push(area(issue.area_mm2));
   const colour = issue.severity === 'error' ? 'appears' : 'overhang';
-  return [colour, facts.join(' · '), `${issue.centroid_mm ? `${place(issue.centroid_mm)} · ` : ''}${issue.words}`];
+  const { hole } = issue;
+  const drains = hole ? ` (${mm(hole.length_mm, 1)} mm long at Z ${height(hole.top_mm)}, from ${place(hole.from_mm)} to ${place(hole.to_mm)})` : '';
+  return [colour, facts.join(' · '), `${issue.centroid_mm ? `${place(issue.centroid_mm)} · ` : ''}${issue.words}${drains}`];
 }
 
 /** Fills the side of the page. `onPick(finding)` goes to its place. */

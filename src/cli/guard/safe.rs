@@ -73,10 +73,10 @@ pub(super) fn make_safe(store: &Store, id: JobId) -> anyhow::Result<Done> {
             watcher: &mut Nobody,
             started,
         };
-        let Ok(end) = tokio::time::timeout(LONGEST, run(&mut host, wires)).await else {
+        let Ok(ended) = tokio::time::timeout(LONGEST, run(&mut host, wires)).await else {
             bail!("the printer does not come to an end; HEATERS MAY BE ON");
         };
-        match end {
+        match ended.end {
             End::Over(Outcome::Stopped { safety: Safety::Unknown, .. }) => {
                 bail!("the printer does not confirm; HEATERS MAY BE ON")
             }

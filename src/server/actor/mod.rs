@@ -190,6 +190,8 @@ impl Life {
     async fn live(mut self, mut first: Option<Box<Print>>) {
         let mut away = false;
         let mut tries = 0;
+        // What a job has left.
+        let mut kept: Option<Box<Connection>> = None;
         loop {
             if away && first.is_none() {
                 // By a person's wish nobody has the port.
@@ -205,7 +207,11 @@ impl Life {
             if self.actor.board.picture().link != Link::Connecting {
                 self.show(Link::Connecting, None);
             }
-            let connection = match self.open().await {
+            let opened = match kept.take() {
+                Some(connection) => Ok(*connection),
+                None => self.open().await,
+            };
+            let connection = match opened {
                 Ok(connection) => connection,
                 Err(why) => {
                     let words = why.to_string();
@@ -243,10 +249,9 @@ impl Life {
                     Idle::Leave => return,
                 },
             };
-            if printing::print(&self.actor, &mut self.orders, *print, connection).await
-                == printing::Next::Leave
-            {
-                return;
+            match printing::print(&self.actor, &mut self.orders, *print, connection).await {
+                printing::Next::Stay(connection) => kept = connection,
+                printing::Next::Leave => return,
             }
         }
     }

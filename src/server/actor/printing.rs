@@ -7,7 +7,7 @@ use crate::causes;
 use crate::job::host::{Host, HostEvent, Request};
 use crate::job::record::{Checkpoint, Record};
 use crate::job::recover::Plan;
-use crate::job::run::{End, Mail, Watcher, Wires, mailbox, run};
+use crate::job::run::{End, Ended, Mail, Watcher, Wires, mailbox, run};
 use crate::job::scribe::Scribe;
 use crate::job::state::State;
 use crate::printer::find::Connection;
@@ -32,10 +32,10 @@ const SHOW: Duration = Duration::from_millis(500);
 const PARK: Duration = Duration::from_secs(45);
 
 /// What comes after a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub(super) enum Next {
-    /// The printer is kept.
-    Stay,
+    /// The printer is kept, and its port where it is in order.
+    Stay(Option<Box<Connection>>),
     /// The daemon ends.
     Leave,
 }
@@ -65,7 +65,7 @@ pub(super) async fn print(
             (state, words, safety, next)
         }
         // Nothing of it was sent.
-        Err(why) => (State::Accepted, Some(causes::line(&why)), None, Next::Stay),
+        Err(why) => (State::Accepted, Some(causes::line(&why)), None, Next::Stay(None)),
     };
     let (level, told) = match &words {
         None => (Level::Info, format!("{name}: printed to its end")),
@@ -123,6 +123,7 @@ async fn try_print(
         resends: 0,
     };
     let mut host = Host::new(wants, lines, &print.begin, 0);
+    let (identity, firmware) = (connection.identity.clone(), connection.firmware.clone());
     let wires = Wires {
         port: connection.port,
         hard_stop: profile.serial.hard_stop() == HardStop::Dtr,
@@ -132,9 +133,9 @@ async fn try_print(
         watcher: &mut eye,
         started,
     };
-    let mut next = Next::Stay;
+    let mut leaves = false;
     let mut leave_at: Option<Instant> = None;
-    let end = {
+    let Ended { end, port } = {
         let mut running = pin!(run(&mut host, wires));
         loop {
             let far = Instant::now() + PARK;
@@ -146,7 +147,7 @@ async fn try_print(
                 }
                 order = orders.recv() => match order {
                     Some(Order::Leave) | None => {
-                        next = Next::Leave;
+                        leaves = true;
                         // The head is parked, away from the part; what runs then is left to
                         // whoever takes it up, or to the guardian.
                         let _ = post.try_send(Mail::Ask(Request::Pause));
@@ -154,7 +155,7 @@ async fn try_print(
                     }
                     Some(order) => obey(actor, &post, order),
                 },
-                () = parked(&actor.board), if next == Next::Leave => {
+                () = parked(&actor.board), if leaves => {
                     let _ = post.try_send(Mail::Quit);
                     // The mail is read at once; this only keeps from writing it again and again.
                     let _ = timeout(Duration::from_millis(50), std::future::pending::<()>()).await;
@@ -162,6 +163,15 @@ async fn try_print(
             }
         }
     };
+    let in_order = matches!(
+        end,
+        End::Over(
+            Outcome::Finished | Outcome::Stopped { ending: Ending::Cancelled, safety: Safety::Acknowledged }
+        )
+    );
+    let kept = port.filter(|_| in_order);
+    let kept = kept.map(|port| Box::new(Connection { port, identity, firmware, awake: true }));
+    let next = if leaves { Next::Leave } else { Next::Stay(kept) };
     Ok(Done { end, state: host.state(), next })
 }
 
