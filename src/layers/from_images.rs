@@ -21,13 +21,17 @@ use rayon::prelude::*;
 use std::io::{Read, Seek};
 use trace::{Corner, MAX_CORNERS, TooFine, Trace};
 
-/// Most layers of a batch: enough for all cores of a board, and for progress to be seen.
+/// Most layers of a batch: progress is to be seen.
 const MAX_BATCH: usize = 32;
 
-/// Most bytes of packed pictures of a batch.
+/// Fewest pictures that are traced at once, as many as a board has cores: how large one is, is known only
+/// then.
+const MIN_AT_ONCE: usize = 4;
+
+/// Most bytes of packed pictures that are traced at once.
 const BATCH_BYTES: u64 = 64 << 20;
 
-/// Corners of a batch to aim for: 64 MB of points.
+/// Corners after which a batch is over: 64 MB of points.
 const BATCH_CORNERS: usize = 1 << 23;
 
 /// Why a job's pictures give no layers.
@@ -54,8 +58,6 @@ pub struct FromImages<R> {
     job: Job<R>,
     /// The next layer to be read.
     next: u32,
-    /// Layers of the next batch.
-    batch: usize,
     keep_pictures: bool,
 }
 
@@ -69,9 +71,7 @@ impl<R: Read + Seek> FromImages<R> {
     /// The layers of a job from the plate up.
     #[must_use]
     pub fn new(job: Job<R>) -> FromImages<R> {
-        // The first batch is small: only then it is known how large layers are.
-        let batch = rayon::current_num_threads().clamp(1, MAX_BATCH);
-        FromImages { job, next: 0, batch, keep_pictures: false }
+        FromImages { job, next: 0, keep_pictures: false }
     }
 
     /// The same with each layer's picture ([`Layer::picture`]).
@@ -92,10 +92,11 @@ impl<R: Read + Seek> FromImages<R> {
         &self.job
     }
 
-    fn read(&mut self) -> Result<Vec<Packed>, JobError> {
+    /// The next pictures, at most so many.
+    fn read(&mut self, most: usize) -> Result<Vec<Packed>, JobError> {
         let mut packed = Vec::new();
         let mut bytes = 0;
-        while packed.len() < self.batch && (self.next as usize) < self.job.layers().len() {
+        while packed.len() < most && (self.next as usize) < self.job.layers().len() {
             bytes += self.job.packed_bytes(self.next);
             if bytes > BATCH_BYTES && !packed.is_empty() {
                 break;
@@ -132,20 +133,24 @@ impl<R: Read + Seek> Layers for FromImages<R> {
     }
 
     fn next_batch(&mut self) -> Result<Option<Vec<Layer>>, FromImagesError> {
-        let packed = self.read()?;
-        if packed.is_empty() {
-            return Ok(None);
-        }
         let panel = self.job.panel();
         let grid = Grid::new(panel, self.job.placement());
         let keep = self.keep_pictures;
-        let read: Vec<_> = packed.par_iter().map(|p| contours(panel, &grid, &p.bytes, keep)).collect();
-        let layers = packed.iter().zip(read).map(|(p, read)| self.layer(p.layer, read));
-        let layers = layers.collect::<Result<Vec<Layer>, _>>()?;
-        let largest = layers.iter().map(|l| l.part.len()).max().unwrap_or(0);
-        let threads = rayon::current_num_threads().clamp(1, MAX_BATCH);
-        self.batch = (BATCH_CORNERS / (largest + 1)).clamp(threads, MAX_BATCH);
-        Ok(Some(layers))
+        let at_once = rayon::current_num_threads().clamp(MIN_AT_ONCE, MAX_BATCH);
+        let (mut layers, mut corners) = (Vec::new(), 0);
+        while layers.len() < MAX_BATCH && corners < BATCH_CORNERS {
+            let packed = self.read(at_once.min(MAX_BATCH - layers.len()))?;
+            if packed.is_empty() {
+                break;
+            }
+            let read: Vec<_> = packed.par_iter().map(|p| contours(panel, &grid, &p.bytes, keep)).collect();
+            for (packed, read) in packed.iter().zip(read) {
+                let layer = self.layer(packed.layer, read)?;
+                corners += layer.part.len() + layer.picture.as_ref().map_or(0, Raster::runs);
+                layers.push(layer);
+            }
+        }
+        Ok((!layers.is_empty()).then_some(layers))
     }
 }
 

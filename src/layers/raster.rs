@@ -143,6 +143,12 @@ impl Raster {
         self.rows.len().saturating_sub(1) as u32
     }
 
+    /// Runs of brightness that it is kept as, 6 bytes each.
+    #[must_use]
+    pub fn runs(&self) -> usize {
+        self.runs.len()
+    }
+
     /// Whether it is black all over.
     #[must_use]
     pub fn is_black(&self) -> bool {
