@@ -7,7 +7,8 @@
 //! The peer in the same run is the least that any reader must do: unpacking the
 //! archive and the pictures, on as many threads. The target is that contours cost less
 //! than that: a ratio of at least 0.5. Searching the pictures besides (islands, traps, cups and the
-//! rest, with the polygons' own islands) may cost as much again: a third.
+//! rest, with the polygons' own islands) may cost as much again: a third. A slicer's job keeps both
+//! (0.67, 0.35); the two that are made here, with more edges than any, do not yet (0.48, 0.11 to 0.21).
 #[path = "../gcode/benches/common/mod.rs"]
 mod common;
 
