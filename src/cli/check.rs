@@ -46,8 +46,8 @@ pub(super) struct Args {
     /// bbox_mm), floating_supports, overhangs (method, regions, area_mm2, small_regions,
     /// small_area_mm2, largest), overhangs_by_method, printer (name, findings with kind, line,
     /// lines, worst, words), resin (issues with kind, severity, layer, top_mm, end_layer,
-    /// end_top_mm, area_mm2, volume_mm3, centroid_mm, bbox_mm, hole with layer, top_mm, from_mm,
-    /// to_mm, length_mm, words), mended, warnings, seconds.
+    /// end_top_mm, area_mm2, volume_mm3, centroid_mm, bbox_mm, listed, hole with layer, top_mm,
+    /// from_mm, to_mm, length_mm, words), mended, warnings, seconds.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
     /// Draw what was found, by the name's ending: .svg or .png for one picture, .html

@@ -1,8 +1,9 @@
 //! Listens, and gives each connection to the routes: the one file that knows sockets and TLS.
 //!
 //! Takes addresses, a certificate and the routes. Bounded: connections, of all and of one address, the
-//! time of a handshake, of a request's head and of a client that does not read. Until a first user is made, only the loopback is listened on; from then on
-//! the configured addresses, without a restart. Knows no route.
+//! time of a handshake, of a request's head and of a client that does not read. Until a first user is
+//! made, only the loopback is listened on; from then on the configured addresses, without a restart.
+//! Knows no route.
 use super::auth::Source;
 use crate::causes;
 use anyhow::Context;

@@ -37,10 +37,7 @@ const RESIN_TITLES = {
 
 /** Resin issues but for islands that the list of islands has as well. */
 function hollowsAndMore(report) {
-  const listed = [...report.islands, ...report.small_islands];
-  const same = ({ layer, bbox_mm: [low, high] }) => ({ layer: other, centroid_mm: [x, y] }) =>
-    layer === other && low[0] <= x && x <= high[0] && low[1] <= y && y <= high[1];
-  return report.resin.issues.filter((issue) => issue.kind !== 'island' || !listed.some(same(issue)));
+  return report.resin.issues.filter((issue) => !issue.listed);
 }
 
 function resinRow(issue) {

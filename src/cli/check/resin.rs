@@ -48,6 +48,8 @@ pub(super) fn check(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     for (at, hole) in holes(&mut job, &issues, &ground, &eye.tops)? {
         resin.issues[at].hole = Some(hole);
     }
+    resin.note_listed("islands", &report.islands);
+    resin.note_listed("small_islands", &report.small_islands);
     report.resin = Some(resin);
     report.seconds.resin += looking.elapsed().as_secs_f64();
     Ok(Checked { report, mended_words: String::new(), survey: eye.survey })

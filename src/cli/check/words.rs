@@ -24,7 +24,7 @@ pub(super) fn table(report: &Report, mended: &str) -> String {
         overhangs(&mut lines, found, report.rules.min_area_mm2);
     }
     if let Some(resin) = &report.resin {
-        resin::table(&mut lines, report, resin);
+        resin::table(&mut lines, resin);
     }
     if let Some(printer) = &report.printer {
         lines.push(String::new());

@@ -1,8 +1,9 @@
 //! What would go wrong with a resin job, for machines and for people.
-use super::{Tops, height_words};
+use super::{Island, Tops, height_words};
 use crate::detect::resin::exposure::{self, Wrong};
 use crate::detect::resin::{Issue, Issues, Kind};
 use serde::Serialize;
+use std::cmp::Ordering;
 
 /// What would go wrong with a resin job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -46,6 +47,8 @@ pub struct ResinIssue {
     pub centroid_mm: Option<[f64; 2]>,
     /// Lowest and highest x, y; `null` where it has no place.
     pub bbox_mm: Option<[[f64; 2]; 2]>,
+    /// Which of the report's lists has this island as well: `islands` or `small_islands`; `null`: none.
+    pub listed: Option<&'static str>,
     /// The shortest way out of a hollow, in a layer near its lowest; `null` for what is none, and for
     /// small ones. A hole there drains it: nobody cuts it here.
     pub hole: Option<Hole>,
@@ -85,15 +88,28 @@ impl Resin {
         Resin { issues: seen.chain(set).collect(), unlisted: found.unlisted }
     }
 
+    /// Notes which islands a list of that name has as well: in the same layer, with its middle in ours.
+    pub fn note_listed(&mut self, list: &'static str, islands: &[Island]) {
+        for issue in self.issues.iter_mut().filter(|issue| issue.kind == "island") {
+            let Some([low, high]) = issue.bbox_mm else { continue };
+            let same = |island: &Island| {
+                let [x, y] = island.centroid_mm;
+                let within = low[0] <= x && x <= high[0] && low[1] <= y && y <= high[1];
+                island.layer == issue.layer && within
+            };
+            if issue.listed.is_none() && islands.iter().any(same) {
+                issue.listed = Some(list);
+            }
+        }
+    }
+
     /// The same with so many of each kind at the most: the largest; the others are unlisted.
     #[must_use]
     pub fn shown(&self, most: usize) -> Resin {
         let mut shown = Resin { issues: Vec::new(), unlisted: self.unlisted };
         for of_kind in self.issues.chunk_by(|a, b| a.kind == b.kind) {
             let mut of_kind = of_kind.to_vec();
-            of_kind.sort_by(|a, b| {
-                b.volume_mm3.total_cmp(&a.volume_mm3).then(b.area_mm2.total_cmp(&a.area_mm2))
-            });
+            of_kind.sort_by(ResinIssue::largest_first);
             shown.unlisted += of_kind.len().saturating_sub(most) as u64;
             of_kind.truncate(most);
             shown.issues.extend(of_kind);
@@ -115,6 +131,14 @@ impl Resin {
     }
 }
 
+impl ResinIssue {
+    /// The order of lists: by what it holds, then by its area.
+    #[must_use]
+    pub fn largest_first(&self, other: &ResinIssue) -> Ordering {
+        other.volume_mm3.total_cmp(&self.volume_mm3).then(other.area_mm2.total_cmp(&self.area_mm2))
+    }
+}
+
 fn of_picture(issue: &Issue, ground: &Ground, tops: &Tops) -> ResinIssue {
     let placed = issue.kind != Kind::EmptyLayer;
     let [low, high] = issue.box_px.map(|corner| (ground.plate_mm)(corner.map(f64::from)));
@@ -131,6 +155,7 @@ fn of_picture(issue: &Issue, ground: &Ground, tops: &Tops) -> ResinIssue {
         volume_mm3: issue.volume_px_mm * ground.pixel_mm2,
         centroid_mm: placed.then(|| (ground.plate_mm)(issue.centroid_px)),
         bbox_mm: placed.then_some(bbox_mm),
+        listed: None,
         hole: None,
         words: words.to_owned(),
     }
@@ -207,6 +232,7 @@ fn of_exposure(amiss: &exposure::Amiss, tops: &Tops) -> ResinIssue {
         volume_mm3: 0.0,
         centroid_mm: None,
         bbox_mm: None,
+        listed: None,
         hole: None,
         words: format!("{words}; look at the exposure times in the slicer"),
     }

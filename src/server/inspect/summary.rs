@@ -39,13 +39,10 @@ pub(super) fn summary(told: &Value) -> Check {
             ..Finding::default()
         });
     }
-    let listed = list("islands");
     for issue in told["resin"]["issues"].as_array().map_or(&[][..], Vec::as_slice) {
-        let kind = issue["kind"].as_str().unwrap_or("resin");
-        // Those that nothing holds were told as islands already.
-        let same = |island: &Value| kind == "island" && island["layer"] == issue["layer"];
-        if !listed.iter().any(same) {
-            findings.push(resin_issue(issue, kind));
+        // The others were told as islands already.
+        if issue["listed"].as_str() != Some("islands") {
+            findings.push(resin_issue(issue, issue["kind"].as_str().unwrap_or("resin")));
         }
     }
     let printer_findings = list_len(&told["printer"]["findings"]);
@@ -173,10 +170,14 @@ mod tests {
         let resin = |kind: &str, severity: &str, volume_mm3: f64| {
             let place = json!(if kind == "empty_layer" { json!(null) } else { json!([1, 2]) });
             json!({"islands": [region(1.0)], "resin": {"issues": [{"kind": kind, "severity": severity,
-                "layer": if kind == "island" { 3 } else { 4 }, "centroid_mm": place, "volume_mm3": volume_mm3}]}})
+                "layer": 3, "listed": if kind == "island" { "islands" } else { "" }, "centroid_mm": place, "volume_mm3": volume_mm3}]}})
         };
         check(&resin("island", "error", 0.0), CheckState::Found, &["island"]);
-        let clean = |told: &Value| json!({"resin": told["resin"]});
+        let clean = |told: &Value| {
+            let mut told = json!({"resin": told["resin"]});
+            told["resin"]["issues"][0]["listed"] = json!(null);
+            told
+        };
         check(&clean(&resin("island", "error", 0.0)), CheckState::Found, &["island"]);
         check(&clean(&resin("empty_layer", "error", 0.0)), CheckState::Found, &["empty_layer"]);
         check(&clean(&resin("resin_trap", "warning", 9.0)), CheckState::Clean, &["resin_trap"]);

@@ -1,6 +1,6 @@
 //! What would go wrong with a resin job, as a part of the table.
 use super::{ROWS_MAX, capital, count, more, place};
-use crate::report::check::{Report, Resin, ResinIssue, Severity, height_words};
+use crate::report::check::{Resin, ResinIssue, Severity, height_words};
 
 /// Resin traps that hold less are counted only: pores between beads of pixels.
 const DROP_MM3: f64 = 0.1;
@@ -19,12 +19,12 @@ fn name(kind: &str) -> &'static str {
 }
 
 /// Adds each kind with its rows. Islands that stand in the list of islands already are not told again.
-pub(super) fn table(lines: &mut Vec<String>, report: &Report, resin: &Resin) {
+pub(super) fn table(lines: &mut Vec<String>, resin: &Resin) {
     let mut nothing = true;
     for (kind, _) in resin.counts() {
-        let told = |issue: &&ResinIssue| issue.kind == kind && !is_listed(report, issue);
+        let told = |issue: &&ResinIssue| issue.kind == kind && issue.listed.is_none();
         let mut issues: Vec<&ResinIssue> = resin.issues.iter().filter(told).collect();
-        issues.sort_by(|a, b| b.volume_mm3.total_cmp(&a.volume_mm3).then(b.area_mm2.total_cmp(&a.area_mm2)));
+        issues.sort_by(|a, b| a.largest_first(b));
         let Some(first) = issues.first() else { continue };
         nothing = false;
         lines.push(String::new());
@@ -47,16 +47,6 @@ pub(super) fn table(lines: &mut Vec<String>, report: &Report, resin: &Resin) {
             "No resin trap, suction cup, empty layer or odd exposure; nothing at the panel's edge".to_owned(),
         );
     }
-}
-
-/// Whether an issue is an island that the polygons' list has as well.
-fn is_listed(report: &Report, issue: &ResinIssue) -> bool {
-    let Some([low, high]) = issue.bbox_mm.filter(|_| issue.kind == "island") else { return false };
-    report.islands.iter().chain(&report.small_islands).any(|island| {
-        let [x, y] = island.centroid_mm;
-        let within = low[0] <= x && x <= high[0] && low[1] <= y && y <= high[1];
-        island.layer == issue.layer && within
-    })
 }
 
 /// `layer 26 (Z 5.20 mm): 5.61 mm² at X 8.5 Y -8.5, up to Z 24.00, 12.3 mm³`
