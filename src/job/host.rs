@@ -338,6 +338,11 @@ impl<S: Source> Host<S> {
         self.go_on(now_ms);
     }
 
+    /// Something that the source waits for may have come.
+    pub fn look(&mut self, now_ms: u64) {
+        self.go_on(now_ms);
+    }
+
     /// The port is gone.
     pub fn link_lost(&mut self, reason: String, now_ms: u64) {
         self.session.link_lost(reason);
@@ -435,7 +440,8 @@ impl<S: Source> Host<S> {
         // A walk goes on at once.
         let walk = self.is_walking().then_some(0);
         let checkpoint = (self.acked.commands > self.noted.0).then_some(self.noted.1 + CHECKPOINT_MS);
-        [self.session.deadline(), walk, checkpoint, self.cools_at(), self.asks_where_ms]
+        let source = self.source.due_ms().filter(|_| self.doing == Doing::Feeding);
+        [self.session.deadline(), walk, checkpoint, self.cools_at(), self.asks_where_ms, source]
             .into_iter()
             .flatten()
             .min()

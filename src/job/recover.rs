@@ -12,9 +12,11 @@
 //! [`ResumeRules::most_twice`] commands.
 pub mod one_by_one;
 mod plan;
+pub mod plate;
 pub mod walk;
 
 pub use plan::{Plan, Step, ZDuring, plan};
+pub use plate::{PlateRules, lower_again};
 
 use super::host::MAX_AHEAD;
 use super::record::{Log, Numbers};
@@ -46,6 +48,8 @@ pub struct ResumeRules {
     /// Primes the nozzle off the part, Z being raised. None: 10 mm of filament where X and
     /// Y are after homing.
     pub prime: Vec<String>,
+    /// A resin printer's own rules: what is above does not concern it.
+    pub plate: Option<PlateRules>,
 }
 
 impl Default for ResumeRules {
@@ -62,6 +66,7 @@ impl Default for ResumeRules {
             home: Vec::new(),
             levelling: vec!["M420 S1".to_owned()],
             prime: Vec::new(),
+            plate: None,
         }
     }
 }
@@ -235,6 +240,10 @@ fn not_known(log: &Log, uncertain: String) -> Case {
 fn after_reset(log: &Log, rules: &ResumeRules) -> Case {
     if log.damaged {
         return Case::Refused(Refusal::RecordsLost);
+    }
+    if rules.plate.is_some() {
+        // What is written down tells exactly where; whether it can be resumed, the plan.
+        return Case::PrinterReset { after: reached(log), exact: true };
     }
     if !rules.homes_xy_alone {
         return Case::Refused(Refusal::HomingMovesZ);

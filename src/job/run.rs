@@ -54,6 +54,8 @@ pub enum Mail {
     Tell(String),
     /// The user wants to leave at once: the printer is left as it is.
     Quit,
+    /// Something that the job's lines wait for may have come.
+    Look,
     /// The medium keeps so many of the records.
     Kept(u64),
     /// The medium refuses, and why; the records are tried again.
@@ -291,6 +293,7 @@ impl<W: Watcher> Run<'_, W> {
         let now_ms = now_ms(self.started);
         match letter {
             Mail::Quit => {}
+            Mail::Look => host.look(now_ms),
             Mail::Tell(words) => self.watcher.event(&HostEvent::Told(words)),
             Mail::Ask(Request::Resume) if self.book.unkept => {
                 self.watcher.event(&HostEvent::Refused(

@@ -7,7 +7,8 @@
 //! - [`window`]: numbered lines, what is in flight, what can be sent again.
 //! - [`lines`]: bytes from the wire into lines.
 //! - [`reply`], [`temperature`], [`action`]: what a line of the printer means.
-//! - [`source`]: where a job's lines come from.
+//! - [`source`]: where a job's lines come from; [`exposure`]: those of a resin job, and what they
+//!   wait for.
 //! - [`session`]: the state machine over these; no I/O, no clock.
 //! - [`port`]: the serial port.
 //! - [`find`]: which port, at which speed, and the same one again.
@@ -19,6 +20,7 @@
 //! Knows the G-code crate's framing. Settings come as plain values: this room
 //! knows no profile, no command line and no terminal.
 pub mod action;
+pub mod exposure;
 pub mod find;
 pub mod job_file;
 pub mod lines;

@@ -350,6 +350,16 @@ impl Session {
         self.phase == Phase::Job && self.feed == Feed::Held
     }
 
+    /// Whether nothing at all is in flight or waits for its turn, so that the lines that are fed now go
+    /// out one behind the other.
+    pub fn is_quiet(&self) -> bool {
+        self.wants_line()
+            && self.window.is_idle()
+            && self.asked.is_none()
+            && !self.answers.is_draining()
+            && self.person.is_quiet()
+    }
+
     /// The number that the next new line gets on the wire.
     pub fn next_number(&self) -> u32 {
         self.window.next()

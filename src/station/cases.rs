@@ -39,14 +39,17 @@ pub(crate) fn words(case: &Case) -> String {
 
 /// The way back, step by step, with the lines that are sent.
 pub(crate) fn plan(plan: &Plan) -> String {
-    let mut text = format!("the way back, with the nozzle taken to be at Z {:.2} mm:\n", plan.z_mm);
+    let what = if plan.of_plate { "plate" } else { "nozzle" };
+    let mut text = format!("the way back, with the {what} taken to be at Z {:.2} mm:\n", plan.z_mm);
     for (at, step) in plan.steps.iter().enumerate() {
         let lines: Vec<_> = step.lines.iter().map(|line| printable(line)).collect();
         text += &format!("  {:>2}. {} ({})\n", at + 1, printable(&step.what), lines.join("; "));
     }
-    text += &format!(
-        "  then the file goes on after {} of its commands; at most {} moves are made twice",
-        plan.after, plan.most_twice
-    );
+    if !plan.of_plate {
+        text += &format!(
+            "  then the file goes on after {} of its commands; at most {} moves are made twice",
+            plan.after, plan.most_twice
+        );
+    }
     text
 }

@@ -77,6 +77,7 @@ fn resume(profile: &Profile) -> ResumeRules {
         home: lines(&said.home),
         levelling: lines(&said.levelling),
         prime: lines(&said.prime),
+        plate: None,
     }
 }
 

@@ -10,7 +10,7 @@ use crate::job::record::{Checkpoint, Record};
 use crate::job::state::State;
 use crate::printer::action::Action;
 use crate::printer::session::{Ask, Event};
-use crate::printer::source::Source;
+use crate::printer::source::{May, News, Source};
 use crate::printer::temperature::{Reading, Temperatures};
 use outrigger_gcode::line::{Command, parse};
 use outrigger_gcode::state::Kind;
@@ -23,9 +23,10 @@ impl<S: Source> Host<S> {
                 self.on_event(&event, now_ms);
                 self.tell(HostEvent::Session(event));
             }
-            self.acknowledge();
+            self.acknowledge(now_ms);
             self.answer_ask(now_ms);
             let passed = self.pass_gate(now_ms);
+            self.source.hear(News::Durable(self.book.durable_commands()), now_ms);
             self.note_progress(now_ms);
             if !self.feed_one(now_ms) && !passed {
                 return;
@@ -53,6 +54,7 @@ impl<S: Source> Host<S> {
                 self.link_down = true;
                 self.happen(Happening::LinkLost);
             }
+            Event::Note(text) => self.source.hear(News::Said(text), now_ms),
             Event::Found(found) => self.found(*found, now_ms),
             Event::Rejoined { .. } => self.rejoined(now_ms),
             Event::Ended(outcome) => self.ended(outcome, now_ms),
@@ -142,6 +144,7 @@ impl<S: Source> Host<S> {
         self.numbered = true;
         self.begun = true;
         self.happen(happening);
+        self.source.begin();
         self.doing = Doing::Feeding;
         self.gate = Some((self.book.all(), Then::Feed));
     }
@@ -209,7 +212,7 @@ impl<S: Source> Host<S> {
     }
 
     /// Lines that the printer has acknowledged move the tracked machine.
-    fn acknowledge(&mut self) {
+    fn acknowledge(&mut self, now_ms: u64) {
         let line = self.session.job_acked();
         while let Some(one) = self.flight.pop(line) {
             if let Some(m) = self.tracker.apply(&one.text)
@@ -221,6 +224,7 @@ impl<S: Source> Host<S> {
             self.acked.line = one.line;
             self.acked.layer = one.layer;
             self.acked.z_mm = self.tracker.z_mm();
+            self.source.hear(News::Acknowledged(one.line), now_ms);
             self.flight.done(one);
         }
     }
@@ -235,7 +239,8 @@ impl<S: Source> Host<S> {
         let more = self.acked.commands - commands.min(self.acked.commands);
         let passed_ms = now_ms.saturating_sub(at_ms);
         let new_height = (bead_mm - self.bead_mm).abs() > 1e-6;
-        if more >= CHECKPOINT_COMMANDS
+        if self.source.take_note()
+            || more >= CHECKPOINT_COMMANDS
             || more > 0 && passed_ms >= CHECKPOINT_MS
             || more > 0 && new_height && passed_ms >= CHECKPOINT_LAYER_MS
         {
@@ -263,6 +268,16 @@ impl<S: Source> Host<S> {
             self.fed += 1;
             self.session.feed(&kept.text, kept.number, now_ms);
             return true;
+        }
+        if self.wishes.pause && self.state == State::Printing && self.source.may_hold() {
+            self.wishes.pause = false;
+            self.want_pause(now_ms);
+            return true;
+        }
+        match self.source.may(now_ms) {
+            May::Wait => return false,
+            May::GoAlone if !self.session.is_quiet() => return false,
+            May::Go | May::GoAlone => {}
         }
         match self.source.advance() {
             Ok(true) => {

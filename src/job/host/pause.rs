@@ -4,6 +4,7 @@
 //! tracker knows is made good by what the printer reports (M114).
 use super::{Doing, Happening, Host};
 use crate::job::state::{Decision, State, next};
+use crate::job::recover::lower_again;
 use crate::job::tracker::{Tracker, unpark};
 use crate::printer::source::Source;
 
@@ -21,7 +22,9 @@ pub(super) struct Parked {
 impl<S: Source> Host<S> {
     pub(super) fn want_pause(&mut self, now_ms: u64) {
         match next(self.state, Happening::Pause) {
-            Decision::To(_) if self.doing == Doing::Feeding && self.gate.is_none() => {
+            Decision::To(_)
+                if self.doing == Doing::Feeding && self.gate.is_none() && self.source.may_hold() =>
+            {
                 self.happen(Happening::Pause);
                 self.doing = Doing::Holding;
                 self.session.hold(now_ms);
@@ -140,7 +143,11 @@ impl<S: Source> Host<S> {
             // Somebody may have moved it.
             self.tracker.relocate(report);
         }
-        let lines = unpark(&self.tracker, &parked.want, self.settings.resume.raise_mm);
+        let rules = &self.settings.resume;
+        let lines = match &rules.plate {
+            Some(_) => lower_again(&parked.want),
+            None => unpark(&self.tracker, &parked.want, rules.raise_mm),
+        };
         self.run(lines, Doing::Unparking, now_ms);
     }
 

@@ -8,7 +8,7 @@ use super::life::sets_line_number;
 use super::{Begin, Doing, Happening, Host, HostEvent, Then};
 use crate::job::record::{Checkpoint, Log, Record};
 use crate::job::recover::walk::{Walk, Walked};
-use crate::job::recover::{Case, Plan, Refusal, ZDuring, case, height_mm, plan};
+use crate::job::recover::{Case, Plan, Refusal, ZDuring, case, height_mm, plan, plate};
 use crate::job::state::{Decision, State, next};
 use crate::job::tracker::Tracker;
 use crate::printer::session::Found;
@@ -273,11 +273,13 @@ impl<S: Source> Host<S> {
                     ..taken.log.checkpoint
                 };
                 self.fed = after;
-                let then = match taken.guards {
+                let torn = !taken.guards && self.source.is_torn();
+                let ends = taken.guards || torn;
+                let then = match ends {
                     true => Then::MakeSafe,
                     false => Then::GoOn { last: taken.last },
                 };
-                if taken.guards {
+                if ends {
                     if taken.log.state == State::Paused {
                         for line in &self.settings.pause_macro {
                             self.tracker.apply(line.as_bytes());
@@ -285,6 +287,12 @@ impl<S: Source> Host<S> {
                     }
                     self.happen(Happening::Fail);
                     self.doing = Doing::Finishing;
+                }
+                if torn {
+                    self.say(
+                        "it broke off in the middle of an exposure, and how long that was is not known: it \
+                         is made safe, and goes on at a person's word",
+                    );
                 }
                 self.unnumber(then);
             }
@@ -396,6 +404,16 @@ impl<S: Source> Host<S> {
         let Some(taken) = &mut self.taken else {
             return;
         };
+        if let Some(plate) = &self.settings.resume.plate {
+            let planned = match self.source.go_back(walk.at()) {
+                Some(back) => plate::plan(&taken.log, walk, &back, &self.settings.pause_macro, plate),
+                None => Err(Refusal::InPreparation),
+            };
+            return match planned {
+                Ok((place, plan)) => self.planned(place, plan),
+                Err(refusal) => self.refuse_resume(refusal),
+            };
+        }
         let shifted = walk.shifts_z();
         let place = match walk.place() {
             Ok(place) => place,
@@ -407,8 +425,15 @@ impl<S: Source> Host<S> {
         let Some(z_mm) = height_mm(&taken.log, &place, &self.settings.pause_macro) else {
             return self.refuse_resume(Refusal::HeightNotKnown);
         };
-        taken.plan = Some(plan(&place, z_mm, &self.settings.resume));
-        taken.place = Some(place);
+        let plan = plan(&place, z_mm, &self.settings.resume);
+        self.planned(place, plan);
+    }
+
+    fn planned(&mut self, place: Walked, plan: Plan) {
+        let Some(taken) = &mut self.taken else {
+            return;
+        };
+        (taken.plan, taken.place) = (Some(plan), Some(place));
         self.doing = Doing::Waiting;
         let confirmed = taken.confirmed;
         self.tell(HostEvent::Planned);

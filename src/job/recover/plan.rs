@@ -17,8 +17,10 @@ pub struct Plan {
     pub line: u64,
     /// Moves that may be made twice, at most.
     pub most_twice: u64,
-    /// Height that the nozzle is taken to be at, mm.
+    /// Height that the nozzle, or a resin printer's plate, is taken to be at, mm.
     pub z_mm: f64,
+    /// It is a resin printer's: the plate is what moves.
+    pub of_plate: bool,
 }
 
 /// One step of a [`Plan`].
@@ -88,7 +90,7 @@ pub fn plan(walked: &Walked, z_mm: f64, rules: &ResumeRules) -> Plan {
     let mut last = vec![format!("G0 Z{} F{}", number(at(2)), number(RAISE_MM_MIN))];
     last.extend(as_in_the_file(want));
     step(format!("go down to Z {} and go on", number(at(2))), last, ZDuring::MovesTo(at(2)));
-    Plan { steps, after: walked.after, line: walked.last.0, most_twice: rules.most_twice(), z_mm }
+    Plan { steps, after: walked.after, line: walked.last.0, most_twice: rules.most_twice(), z_mm, of_plate: false }
 }
 
 fn or(lines: &[String], default: &str) -> Vec<String> {

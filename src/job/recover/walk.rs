@@ -83,6 +83,11 @@ impl Walk {
         }
     }
 
+    /// Commands walked.
+    pub fn at(&self) -> u64 {
+        self.at
+    }
+
     /// Whether all is walked.
     pub fn is_done(&self) -> bool {
         self.at >= self.to

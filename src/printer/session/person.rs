@@ -30,6 +30,11 @@ pub(super) struct Person {
 }
 
 impl Person {
+    /// Whether nothing of a person waits for its turn.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.commands.is_empty()
+    }
+
     pub(super) fn forget_commands(&mut self) {
         self.commands.clear();
     }

@@ -1,0 +1,397 @@
+//! Layers of a resin job on a printer: what is sent and shown, in which order, and what each step
+//! waits for.
+//!
+//! Takes what the printer says and acknowledges, what the screen has done and what is durable, with
+//! the time in ms of any steady clock; tells which line may go next and what the screen shall do.
+//! Does no I/O, owns no clock, knows no file.
+//!
+//! # The table
+//! | phase | what happens | it ends when | and then |
+//! | --- | --- | --- | --- |
+//! | [`Between`](Phase::Between) | nothing; the only place for a pause | the host feeds on | the picture is loaded ahead |
+//! | [`Moving`](Phase::Moving) | down to the layer, `M400`, `M118 Z_move_comp` | the printer says the word | it is written down that the layer may be exposed from now on |
+//! | [`Settling`](Phase::Settling) | resin flows back | the time is over, the picture is loaded, the record durable | show |
+//! | [`Showing`](Phase::Showing) | the picture goes to the display | the screen says so | – |
+//! | [`Exposing`](Phase::Exposing) | light on, time, light off, `M118 light_off` | the printer says the word | blank; it is written down that the layer is exposed |
+//! | [`Resting`](Phase::Resting) | the display goes dark, the resin sets | the rest is over, the display dark, the record durable | – |
+//! | [`Lifting`](Phase::Lifting) | up, in two stages | the lines are taken | the next layer |
+//!
+//! A fault of the screen ends the job before the next line, and the safe sequence follows.
+//!
+//! # Why the light is not on for longer than it should
+//! - [`Timing::Controller`]: a dwell (the display's own settling time), light on, the exposure's
+//!   dwell and light off are written at once while nothing else is in flight. They arrive during
+//!   the first dwell, so that from then on the controller alone keeps the time, whatever becomes
+//!   of the host and the cable. A line that is damaged on its way is asked for again within that
+//!   dwell too.
+//! - [`Timing::Pulse`]: one line of the firmware's lights for a time and ends by itself. Nothing
+//!   can come between.
+//! - [`Timing::Host`]: light on is acknowledged, the host keeps the time, light off is sent. A dead
+//!   host is the watchdog's, a dead cable nobody's.
+//!
+//! # Why a picture does not change while the light is on
+//! The screen is told to show before the first line of an exposure is given, and to go dark after
+//! the printer has said the word behind the line that switches the light off. Should that word get
+//! lost on its way, all lines must be acknowledged *and* the exposure's time and [`LOST_WORD_MS`] be
+//! over.
+pub mod script;
+
+#[cfg(test)]
+mod tests;
+
+use super::source::May;
+use script::{Script, Step, Timing};
+
+/// How long a word is waited for after the line that asks for it was acknowledged: what is lost on
+/// the way is not said again.
+pub const LOST_WORD_MS: u64 = 3_000;
+
+/// Where a layer is. See the module's table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Before the layer's first line; the plate is up, the light off, the display dark.
+    Between,
+    /// On the way to the layer.
+    Moving,
+    /// There; the resin flows.
+    Settling,
+    /// The picture is on its way to the display.
+    Showing,
+    /// The light is on, or about to be, or was just now.
+    Exposing,
+    /// Dark again; before the lift.
+    Resting,
+    /// On the way up.
+    Lifting,
+    /// All layers are done.
+    Over,
+}
+
+/// What happens to an exposure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Event<'a> {
+    /// The job's lines follow: from the first, or from wherever the script stands.
+    Begin,
+    /// The host took the next line.
+    Taken,
+    /// The printer acknowledged so many lines of the script.
+    Acknowledged(u64),
+    /// The printer said this line.
+    Heard(&'a str),
+    /// The screen has the layer's picture ready, from 0.
+    Loaded(u32),
+    /// The screen shows it.
+    Shown(u32),
+    /// The screen is dark.
+    Blanked,
+    /// So many lines are written down as acknowledged.
+    Durable(u64),
+    /// Time passed.
+    Tick,
+}
+
+/// What is wanted of the screen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// Unpack this layer's picture, from 0, and keep it ready.
+    Load(u32),
+    /// Show the one that is ready.
+    Show(u32),
+    /// Go dark.
+    Blank,
+}
+
+/// The state machine. See the module's text.
+#[derive(Debug, Clone)]
+pub struct Exposure {
+    script: Script,
+    phase: Phase,
+    /// Lines that were taken, acknowledged, and written down as acknowledged.
+    taken: u64,
+    acked: u64,
+    durable: u64,
+    /// The printer has said the phase's word.
+    word: bool,
+    /// The screen has done what it was told.
+    screen: bool,
+    /// The picture that the screen was told to load last, and has ready.
+    wanted: Option<u32>,
+    loaded: Option<u32>,
+    /// When the phase's time is over, ms; 0: it has not begun.
+    until_ms: u64,
+    /// The exposure's own time is over, where the host keeps it.
+    exposed: bool,
+    /// When all lines of a phase were acknowledged, ms.
+    acked_ms: Option<u64>,
+    notes: bool,
+    lost_words: u64,
+}
+
+impl Exposure {
+    /// Before the first layer.
+    pub fn new(script: Script) -> Self {
+        Self {
+            script,
+            phase: Phase::Between,
+            taken: 0,
+            acked: 0,
+            durable: 0,
+            word: false,
+            screen: false,
+            wanted: None,
+            loaded: None,
+            until_ms: 0,
+            exposed: false,
+            acked_ms: None,
+            notes: false,
+            lost_words: 0,
+        }
+    }
+
+    /// Where it is.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The script.
+    pub fn script(&self) -> &Script {
+        &self.script
+    }
+
+    /// The layer that it is at, from 0; past the last: their number.
+    pub fn layer(&self) -> u32 {
+        self.script.place().layer
+    }
+
+    /// Words of the printer that got lost on their way.
+    pub fn lost_words(&self) -> u64 {
+        self.lost_words
+    }
+
+    /// Whether a pause may come before the next line.
+    pub fn may_hold(&self) -> bool {
+        matches!(self.phase, Phase::Between | Phase::Over)
+    }
+
+    /// Whether a checkpoint is wanted now; told once.
+    pub fn take_note(&mut self) -> bool {
+        std::mem::take(&mut self.notes)
+    }
+
+    /// Whether the next line may go.
+    pub fn may(&self) -> May {
+        let place = self.script.place();
+        match self.phase {
+            Phase::Between | Phase::Over => May::Go,
+            Phase::Moving if place.step == Step::Lower => May::Go,
+            Phase::Lifting => May::Go,
+            Phase::Exposing if place.step == Step::Expose => match (self.timing(), place.first) {
+                (_, true) => May::GoAlone,
+                (Timing::Host, false) if place.light_ends && !self.exposed => May::Wait,
+                _ => May::Go,
+            },
+            _ => May::Wait,
+        }
+    }
+
+    /// When [`Event::Tick`] is due, ms.
+    pub fn due_ms(&self) -> Option<u64> {
+        let waits = match self.phase {
+            Phase::Settling | Phase::Resting => true,
+            Phase::Exposing => {
+                self.timing() == Timing::Host && self.script.place().light_ends && !self.exposed
+            }
+            _ => false,
+        };
+        let time = (waits && self.until_ms > 0).then_some(self.until_ms);
+        [time, self.word_given_up_ms()].into_iter().flatten().min()
+    }
+
+    fn timing(&self) -> Timing {
+        self.script.timing()
+    }
+
+    /// When a word that should have come is taken for lost.
+    fn word_given_up_ms(&self) -> Option<u64> {
+        let waits = matches!(self.phase, Phase::Moving | Phase::Exposing) && !self.word;
+        let since = self.acked_ms.filter(|_| waits)?;
+        Some(since + LOST_WORD_MS)
+    }
+
+    /// Something happened. Orders for the screen are appended to `orders`.
+    pub fn on(&mut self, event: Event<'_>, now_ms: u64, orders: &mut Vec<Order>) {
+        match event {
+            Event::Begin => self.begin(orders),
+            Event::Taken => self.took(orders),
+            Event::Acknowledged(lines) => {
+                self.acked = self.acked.max(lines);
+                self.acknowledged(now_ms);
+            }
+            Event::Heard(text) => self.heard(text),
+            Event::Loaded(layer) => self.loaded = Some(layer),
+            Event::Shown(layer) if self.phase == Phase::Showing && layer == self.layer() => {
+                self.screen = true;
+            }
+            Event::Blanked if self.phase == Phase::Resting => self.screen = true,
+            Event::Shown(_) | Event::Blanked => {}
+            Event::Durable(lines) => self.durable = self.durable.max(lines),
+            Event::Tick => {}
+        }
+        self.tick(now_ms);
+        while self.step_on(now_ms, orders) {}
+    }
+
+    /// The job's lines follow. After a host that died, or a loss of power, the script stands where
+    /// the job goes on: the printer has made every move up to there.
+    fn begin(&mut self, orders: &mut Vec<Order>) {
+        let place = self.script.place();
+        self.taken = place.lines;
+        self.acked = place.lines;
+        (self.word, self.screen, self.acked_ms) = (false, false, None);
+        orders.push(Order::Blank);
+        self.phase = match place.step {
+            _ if place.layer >= self.script.layers() => Phase::Over,
+            Step::Lower if place.first => Phase::Between,
+            Step::Lower => Phase::Moving,
+            // All lines down to the layer are there, and the head was found where they lead.
+            Step::Expose if place.first => Phase::Moving,
+            Step::Expose => Phase::Exposing,
+            Step::Lift if place.first => Phase::Exposing,
+            Step::Lift => Phase::Lifting,
+        };
+        let all_sent = place.first && matches!(place.step, Step::Expose | Step::Lift);
+        self.word = all_sent;
+        if place.layer < self.script.layers() && matches!(self.phase, Phase::Between | Phase::Moving) {
+            (self.wanted, self.loaded) = (None, None);
+            self.want_loaded(place.layer, orders);
+        }
+    }
+
+    fn took(&mut self, orders: &mut Vec<Order>) {
+        let was = self.script.place();
+        self.script.advance();
+        self.taken = self.script.place().lines;
+        if self.phase == Phase::Between {
+            self.phase = Phase::Moving;
+            (self.word, self.acked_ms) = (false, None);
+            self.want_loaded(was.layer, orders);
+        }
+        if self.phase == Phase::Exposing && was.step == Step::Expose && was.first {
+            (self.word, self.acked_ms) = (false, None);
+            // Of a host's own timing: the clock starts when light on is acknowledged.
+            (self.until_ms, self.exposed) = (0, false);
+        }
+        if self.phase == Phase::Lifting && self.script.place().layer > was.layer {
+            self.phase = match self.script.place().layer < self.script.layers() {
+                true => Phase::Between,
+                false => Phase::Over,
+            };
+        }
+    }
+
+    fn want_loaded(&mut self, layer: u32, orders: &mut Vec<Order>) {
+        if self.wanted != Some(layer) {
+            self.wanted = Some(layer);
+            orders.push(Order::Load(layer));
+        }
+    }
+
+    /// The printer has acknowledged more.
+    fn acknowledged(&mut self, now_ms: u64) {
+        let place = self.script.place();
+        let all = self.acked >= self.taken;
+        if self.phase == Phase::Exposing && self.timing() == Timing::Host && place.light_ends && all {
+            if self.until_ms == 0 {
+                self.until_ms = now_ms + u64::from(self.script.exposure_ms());
+            }
+            return;
+        }
+        let sent = match self.phase {
+            Phase::Moving => place.step == Step::Expose,
+            Phase::Exposing => place.step == Step::Lift,
+            _ => false,
+        };
+        if sent && all && self.acked_ms.is_none() {
+            // A light that the acknowledgements have misled about is off by then.
+            let margin_ms = match self.phase {
+                Phase::Exposing => u64::from(self.script.exposure_ms()) + u64::from(self.script.lead_ms()),
+                _ => 0,
+            };
+            self.acked_ms = Some(now_ms + margin_ms);
+        }
+    }
+
+    fn heard(&mut self, text: &str) {
+        let place = self.script.place();
+        let sent = match self.phase {
+            Phase::Moving => place.step == Step::Expose,
+            Phase::Exposing => place.step == Step::Lift,
+            _ => return,
+        };
+        let step = if self.phase == Phase::Moving { Step::Lower } else { Step::Expose };
+        if sent && text.trim() == script::word(step, self.layer()) {
+            self.word = true;
+        }
+    }
+
+    fn tick(&mut self, now_ms: u64) {
+        if self.word_given_up_ms().is_some_and(|at| at <= now_ms) {
+            self.word = true;
+            self.lost_words += 1;
+        }
+        // The host's own timing: light off may go.
+        if self.phase == Phase::Exposing
+            && self.timing() == Timing::Host
+            && self.script.place().light_ends
+            && self.until_ms > 0
+            && now_ms >= self.until_ms
+        {
+            self.exposed = true;
+        }
+    }
+
+    /// One phase on, if it is at its end.
+    fn step_on(&mut self, now_ms: u64, orders: &mut Vec<Order>) -> bool {
+        let layer = self.layer();
+        match self.phase {
+            Phase::Moving if self.word && self.script.place().step == Step::Expose => {
+                self.phase = Phase::Settling;
+                self.until_ms = now_ms + u64::from(self.script.settle_ms());
+                self.notes = true;
+            }
+            Phase::Settling
+                if now_ms >= self.until_ms
+                    && self.loaded == Some(layer)
+                    && self.durable >= self.script.place().lines =>
+            {
+                self.phase = Phase::Showing;
+                self.screen = false;
+                orders.push(Order::Show(layer));
+            }
+            Phase::Showing if self.screen => {
+                self.phase = Phase::Exposing;
+                (self.word, self.screen, self.acked_ms) = (false, false, None);
+            }
+            Phase::Exposing if self.word && self.script.place().step == Step::Lift => {
+                self.phase = Phase::Resting;
+                self.screen = false;
+                self.until_ms = now_ms + u64::from(self.script.rest_ms());
+                self.notes = true;
+                self.loaded = None;
+                orders.push(Order::Blank);
+                if layer + 1 < self.script.layers() {
+                    self.want_loaded(layer + 1, orders);
+                }
+            }
+            Phase::Resting
+                if now_ms >= self.until_ms
+                    && self.screen
+                    && self.durable >= self.script.place().lines =>
+            {
+                self.phase = Phase::Lifting;
+            }
+            _ => return false,
+        }
+        true
+    }
+}
