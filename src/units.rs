@@ -33,6 +33,11 @@ unit!(
     "mm/s"
 );
 unit!(
+    /// A speed in millimetres per minute, as resin printers' settings and G-code's F have it.
+    MmPerMin,
+    "mm/min"
+);
+unit!(
     /// An acceleration in millimetres per second squared.
     MmPerS2,
     "mm/s²"

@@ -43,7 +43,7 @@ pub(crate) fn ideal_s(job: &Path) -> anyhow::Result<f64> {
 /// What the profile's machine can do along its axes.
 fn machine() -> anyhow::Result<Machine> {
     let profile = load_printer(PROFILE)?;
-    let motion = &profile.motion;
+    let motion = &profile.want_fdm()?.motion;
     let (feed, accel) = (motion.max_feed_mm_s, motion.max_accel_mm_s2);
     let printer::Cornering::JerkMmS(jerk) = motion.cornering else {
         bail!("{PROFILE}: not a machine with jerk");

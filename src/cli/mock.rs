@@ -1,6 +1,6 @@
 //! `outrigger mock`: the mock printer on a pseudo-terminal.
 use crate::printer::mock::{self, Config, Cornering, Dynamics, Faults, Machine, Options, Personality, Stats};
-use crate::profile::{self, Profile, printer};
+use crate::profile::{self, Fdm, Msla, Profile, printer};
 use anyhow::Context;
 use clap::Args as ClapArgs;
 use std::io::Write;
@@ -185,7 +185,36 @@ fn set(value: &mut usize, given: Option<u32>) {
 
 /// The machine of a profile, as the mock wants it: plain numbers.
 pub(crate) fn machine(profile: &Profile) -> Machine {
-    let motion = &profile.motion;
+    match &profile.kind {
+        printer::Kind::Fdm(fdm) => of_filament(&profile.title, fdm),
+        printer::Kind::Msla(msla) => of_resin(&profile.title, msla),
+    }
+}
+
+/// Its plate is Z; what else the mock has of a machine stands still and cold.
+fn of_resin(title: &str, msla: &Msla) -> Machine {
+    let own = Machine::default();
+    let [x, y, _, e] = own.dynamics.max_feed_mm_s;
+    let [ax, ay, _, ae] = own.dynamics.max_accel_mm_s2;
+    let accel_mm_s2 = msla.plate.accel_mm_s2.0;
+    Machine {
+        name: title.to_owned(),
+        dynamics: Dynamics {
+            max_feed_mm_s: [x, y, msla.plate.max_mm_min.0 / 60.0, e],
+            max_accel_mm_s2: [ax, ay, accel_mm_s2, ae],
+            print_mm_s2: accel_mm_s2,
+            travel_mm_s2: accel_mm_s2,
+            ..own.dynamics
+        },
+        nozzle_max_c: 0.0,
+        bed_max_c: 0.0,
+        homing_raise_mm: 0.0,
+        ..own
+    }
+}
+
+fn of_filament(title: &str, fdm: &Fdm) -> Machine {
+    let motion = &fdm.motion;
     let (feed, accel) = (motion.max_feed_mm_s, motion.max_accel_mm_s2);
     let cornering = match motion.cornering {
         printer::Cornering::JerkMmS(jerk) => Cornering::JerkMmS(jerk.0),
@@ -197,7 +226,7 @@ pub(crate) fn machine(profile: &Profile) -> Machine {
         }
     };
     Machine {
-        name: profile.title.clone(),
+        name: title.to_owned(),
         dynamics: Dynamics {
             max_feed_mm_s: [feed.x.0, feed.y.0, feed.z.0, feed.e.0],
             max_accel_mm_s2: [accel.x.0, accel.y.0, accel.z.0, accel.e.0],
@@ -206,8 +235,8 @@ pub(crate) fn machine(profile: &Profile) -> Machine {
             retract_mm_s2: motion.retract_mm_s2.0,
             cornering,
         },
-        nozzle_max_c: profile.limits.nozzle_c.0,
-        bed_max_c: profile.limits.bed_c.0,
+        nozzle_max_c: fdm.limits.nozzle_c.0,
+        bed_max_c: fdm.limits.bed_c.0,
         ..Machine::default()
     }
 }

@@ -266,7 +266,7 @@ fn process(args: &Args, input: &mut File, path: &Path, target: &Path) -> anyhow:
 /// What holds until the job says otherwise.
 fn accelerations(profile: Option<&str>) -> anyhow::Result<Accelerations> {
     let Some(name) = profile else { return Ok(Accelerations::default()) };
-    let motion = load_printer(name)?.motion;
+    let motion = load_printer(name)?.want_fdm()?.motion;
     Ok(Accelerations { print_mm_s2: motion.print_mm_s2.0, travel_mm_s2: motion.travel_mm_s2.0 })
 }
 

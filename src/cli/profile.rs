@@ -18,9 +18,9 @@ pub(super) struct Args {
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Lists the profiles that come with Outrigger.
+    /// Lists the profiles that come with Outrigger, with their kinds.
     List {
-        /// Write JSON: `printers` and `materials`, each with `name` and `title`.
+        /// Write JSON: `printers` and `materials`, each with `name`, `kind` and `title`.
         #[arg(long)]
         json: bool,
     },
@@ -53,30 +53,42 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// A line of the list: name, kind and title.
+struct Listed {
+    name: &'static str,
+    kind: &'static str,
+    title: String,
+}
+
 fn list(json: bool) -> anyhow::Result<()> {
     let mut printers = Vec::new();
     for name in profile::printer_names() {
-        printers.push((name, profile::load_printer(name)?.title));
+        let found = profile::load_printer(name)?;
+        printers.push(Listed { name, kind: found.kind.word(), title: found.title });
     }
     let mut materials = Vec::new();
     for name in profile::material_names() {
-        materials.push((name, profile::load_material(name)?.title));
+        let found = profile::load_material(name)?;
+        materials.push(Listed { name, kind: found.kind.word(), title: found.title });
     }
     if json {
-        let named = |list: &[(&str, String)]| -> Vec<serde_json::Value> {
-            list.iter().map(|(name, title)| serde_json::json!({ "name": name, "title": title })).collect()
+        let listed = |list: &[Listed]| -> Vec<serde_json::Value> {
+            let one = |l: &Listed| serde_json::json!({ "name": l.name, "kind": l.kind, "title": l.title });
+            list.iter().map(one).collect()
         };
         let all = serde_json::json!({
-            "printers": named(&printers), "materials": named(&materials),
+            "printers": listed(&printers), "materials": listed(&materials),
         });
         return print(&format!("{all:#}\n"));
     }
-    let width = printers.iter().chain(&materials).map(|(name, _)| name.len()).max().unwrap_or(0);
+    let all = || printers.iter().chain(&materials);
+    let names = all().map(|l| l.name.len()).max().unwrap_or(0);
+    let kinds = all().map(|l| l.kind.len()).max().unwrap_or(0);
     let mut text = String::new();
     for (head, list) in [("Printers", &printers), ("Materials", &materials)] {
         text += &format!("{head}\n");
-        for (name, title) in list {
-            text += &format!("  {name:width$}  {title}\n");
+        for Listed { name, kind, title } in list {
+            text += &format!("  {name:names$}  {kind:kinds$}  {title}\n");
         }
     }
     print(&text)
@@ -99,7 +111,9 @@ fn check(files: &[String]) -> anyhow::Result<ExitCode> {
     let mut code = ExitCode::SUCCESS;
     for file in files {
         match profile::load_any(file) {
-            Ok(Any::Printer(p)) => print(&format!("{file}: printer {:?} is valid\n", p.name))?,
+            Ok(Any::Printer(p)) => {
+                print(&format!("{file}: {} printer {:?} is valid\n", p.kind.word(), p.name))?
+            }
             Ok(Any::Material(m)) => print(&format!("{file}: {} {:?} is valid\n", m.kind.word(), m.name))?,
             Err(e) => {
                 eprintln!("outrigger: {e}");

@@ -27,6 +27,8 @@ pub(crate) const PRINTERS: &[(&str, &str)] = embed!(
         "ender-3-v2",
         "ender-5",
         "generic-marlin",
+        "generic-msla",
+        "generic-msla-rgb",
         "lulzbot-taz-6",
         "prusa-mini",
         "prusa-mk3s",
@@ -70,5 +72,6 @@ pub(crate) const MACROS: &[(&str, &str)] = embed!(
         "klipper-start.gcode",
         "marlin-cancel.gcode",
         "marlin-start.gcode",
+        "msla-cancel.gcode",
     ]
 );

@@ -27,6 +27,19 @@ pub(crate) fn line_of(text: &str, offset: usize) -> usize {
     1 + before.iter().filter(|&&b| b == b'\n').count()
 }
 
+/// The line, from 1, on which a key stands, or the nearest table around it that the text has.
+pub(crate) fn line_of_key(text: &str, path: &str) -> usize {
+    let Ok(root) = DeTable::parse(text) else { return 1 };
+    let (mut table, mut line) = (root.get_ref(), 1);
+    for word in path.split('.') {
+        let Some((name, value)) = table.iter().find(|(name, _)| name.get_ref() == word) else { break };
+        line = line_of(text, name.span().start);
+        let DeValue::Table(within) = value.get_ref() else { break };
+        table = within;
+    }
+    line
+}
+
 /// Reports a fault of TOML itself.
 pub(crate) fn syntax(text: &str, error: &toml::de::Error) -> Located {
     Located {

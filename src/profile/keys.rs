@@ -55,39 +55,45 @@ const fn optional(path: &'static str, takes: Takes, doc: &'static str) -> Key {
     Key { path, takes, required: false, doc }
 }
 
-use Takes::{Choice, Flag, Macro, Number, OneOf, Table, Text, Whole};
+use Takes::{Choice, Flag, Macro, Number, OneOf, Table, Tables, Text, Whole};
 
-/// The keys of a printer's profile, in the order in which `show` prints them.
+mod msla;
+
+pub use msla::MSLA;
+
+/// The keys that every printer's profile has.
 pub const PRINTER: &[Key] = &[
     key("name", Text, "Short name, as on the command line"),
     key("title", Text, "The maker's name for it"),
-    key("kind", OneOf(&["fdm"]), "How it prints: fdm is melted filament"),
+    key(
+        "kind",
+        OneOf(&["fdm", "msla"]),
+        "How it prints: fdm melts filament, msla cures resin with the light behind an LCD",
+    ),
     key(
         "firmware",
         OneOf(&["marlin", "prusa", "klipper", "repetier", "reprapfirmware"]),
         "Family of firmware at the other end of the cable",
     ),
-    key("nozzle_mm", Number(0.05, 3.0), "Bore of the stock nozzle, mm"),
-    key("filament_mm", Number(1.0, 4.0), "Diameter of the filament, mm"),
     optional(
         "orphan_timeout_s",
         Whole(1, 86_400),
-        "How long after the host's death another may take the job up before the heaters are switched off, s (left out: 300)",
+        "How long after the host's death another may take the job up before heaters or light are switched off, s (left out: 300)",
     ),
     key("bed", Table, "The volume that can be printed"),
     key(
         "bed.shape",
         OneOf(&["rectangle", "circle"]),
-        "Outline of the bed; a circle is a delta, whose homing goes up",
+        "Outline of the bed; a circle is a delta, whose homing goes up (msla: a rectangle, the LCD's)",
     ),
     key(
         "bed.origin",
         OneOf(&["corner", "centre"]),
         "Where X 0, Y 0 lies: the front left corner or the middle",
     ),
-    key("bed.x_mm", Number(10.0, 5000.0), "Width (of a circle the diameter), mm"),
-    key("bed.y_mm", Number(10.0, 5000.0), "Depth (of a circle the diameter), mm"),
-    key("bed.z_mm", Number(10.0, 5000.0), "Height, mm"),
+    key("bed.x_mm", Number(10.0, 5000.0), "Width (of a circle the diameter; of an LCD along its rows), mm"),
+    key("bed.y_mm", Number(10.0, 5000.0), "Depth (of a circle the diameter; of an LCD across its rows), mm"),
+    key("bed.z_mm", Number(10.0, 5000.0), "Height (msla: the plate's travel), mm"),
     key("serial", Table, "How the host talks to it"),
     key("serial.baud", Whole(1200, 4_000_000), "Speed of the line, bits per second (native USB takes any)"),
     key("serial.window", Choice, "How much may be on its way unacknowledged: bytes or lines"),
@@ -112,6 +118,29 @@ pub const PRINTER: &[Key] = &[
         OneOf(&["dtr", "none"]),
         "What stops a board that does not hear M112: dtr resets it (left out: dtr where dtr_reset is true)",
     ),
+    key("macros", Table, "Commands that the host sends around a job, on top of the file's own"),
+    optional(
+        "macros.start",
+        Macro,
+        "Before the file's first line (`M85 S3600` here makes Marlin itself give up after an hour without a command, as from a host that died)",
+    ),
+    optional("macros.end", Macro, "After the file's last line"),
+    optional(
+        "macros.pause",
+        Macro,
+        "After the last line before a pause; on resume the host itself goes back to where it was",
+    ),
+    key(
+        "macros.cancel",
+        Macro,
+        "When a job is given up: heaters and fan off (msla: first the light), Z raised relatively before anything else moves",
+    ),
+];
+
+/// The keys that the profile of a printer of filament has besides.
+pub const FDM: &[Key] = &[
+    key("nozzle_mm", Number(0.05, 3.0), "Bore of the stock nozzle, mm"),
+    key("filament_mm", Number(1.0, 4.0), "Diameter of the filament, mm"),
     key("limits", Table, "Temperatures that must not be passed"),
     key("limits.nozzle_c", Number(100.0, 600.0), "Hottest nozzle of the stock hot end, °C"),
     key("limits.bed_c", Number(0.0, 250.0), "Hottest bed (0: no heater), °C"),
@@ -141,23 +170,6 @@ pub const PRINTER: &[Key] = &[
     key("motion.max_accel_mm_s2.y", Number(1.0, 1e5), "Y, mm/s²"),
     key("motion.max_accel_mm_s2.z", Number(1.0, 1e5), "Z, mm/s²"),
     key("motion.max_accel_mm_s2.e", Number(1.0, 1e5), "Extruder, mm/s²"),
-    key("macros", Table, "Commands that the host sends around a job, on top of the file's own"),
-    optional(
-        "macros.start",
-        Macro,
-        "Before the file's first line (`M85 S3600` here makes Marlin itself give up after an hour without a command, as from a host that died)",
-    ),
-    optional("macros.end", Macro, "After the file's last line"),
-    optional(
-        "macros.pause",
-        Macro,
-        "After the last line before a pause; on resume the host itself goes back to where it was",
-    ),
-    key(
-        "macros.cancel",
-        Macro,
-        "When a job is given up: heaters and fan off, Z raised relatively before anything else moves",
-    ),
     optional(
         "resume",
         Table,
@@ -210,6 +222,25 @@ pub const PRINTER: &[Key] = &[
         "Presses filament out where there is no part; never lower than the raised height (left out: nothing)",
     ),
 ];
+
+/// The keys of a printer of filament, in the order in which `show` prints them.
+#[must_use]
+pub fn fdm() -> Vec<Key> {
+    values_first([PRINTER, FDM].concat())
+}
+
+/// The keys of a printer of resin, in the order in which `show` prints them.
+#[must_use]
+pub fn msla() -> Vec<Key> {
+    values_first([PRINTER, MSLA].concat())
+}
+
+/// Plain values of the root come before the first table: after it they would be its own.
+fn values_first(mut keys: Vec<Key>) -> Vec<Key> {
+    let of_a_table = |key: &Key| key.path.contains('.') || matches!(key.takes, Table | Choice | Tables(_));
+    keys.sort_by_key(of_a_table);
+    keys
+}
 
 /// The keys that every material's profile has, in the order in which `show` prints them.
 pub const MATERIAL: &[Key] = &[

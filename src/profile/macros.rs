@@ -22,6 +22,12 @@ impl Macro {
         self.0.lines().map(|line| line.split(';').next().unwrap_or("").trim()).filter(|line| !line.is_empty())
     }
 
+    /// The macro with values in the places of their names: `("{ms}", "2500")`.
+    #[must_use]
+    pub fn filled(&self, values: &[(&str, &str)]) -> Macro {
+        Macro(values.iter().fold(self.0.clone(), |text, (place, value)| text.replace(place, value)))
+    }
+
     /// True when there is nothing to send.
     pub fn is_empty(&self) -> bool {
         self.lines().next().is_none()

@@ -7,10 +7,11 @@
 //!
 //! # Layout
 //! [`keys`] documents and bounds every key · `check` walks a file along them ·
-//! [`printer`] and [`material`] are the data · [`macros`] proves a cancel
-//! macro safe, [`resume`] those of the way back · `builtin` embeds `profiles/` · [`explain`] prints a profile
+//! [`printer`], [`msla`] and [`material`] are the data · [`macros`] proves a cancel
+//! macro safe, [`resume`] those of the way back, `msla/proof` what a resin printer needs · `builtin` embeds `profiles/` · [`explain`] prints a profile
 //! with its documentation.
 use material::MaterialKind;
+use printer::Kind;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
@@ -20,13 +21,15 @@ pub mod explain;
 pub mod keys;
 pub mod macros;
 pub mod material;
+pub mod msla;
 pub mod printer;
 pub mod resume;
 
 pub(crate) use check::{check, line_of, nearest};
 pub use macros::Macro;
 pub use material::{Material, SelfSupport};
-pub use printer::Profile;
+pub use msla::Msla;
+pub use printer::{Fdm, NotFdm, Profile};
 
 /// Largest profile or macro file: the longest of ours has under 4 KiB, and
 /// anything of this size is another kind of file.
@@ -200,21 +203,22 @@ impl Source {
     }
 
     fn value(&self, key: &str, message: String) -> ProfileError {
-        let word = check::last(key);
-        // The whole word: `home` is not `homes_xy_alone`.
-        let begins = |l: &str| {
-            let rest = l.trim_start().strip_prefix(word);
-            rest.is_some_and(|rest| rest.trim_start().starts_with('='))
-        };
-        let line = self.text.lines().position(begins).map_or(1, |n| n + 1);
+        let line = check::line_of_key(&self.text, key);
         self.error(Located { line, fault: Fault::Value { key: key.to_owned(), message } })
     }
 
     fn printer(&self) -> Result<Profile, ProfileError> {
-        let mut table = self.checked(keys::PRINTER)?;
+        let kind = self.kind();
+        let (keys, others, owner) = match kind.as_deref() {
+            Some("fdm") => (keys::fdm(), keys::MSLA, "a resin printer"),
+            Some("msla") => (keys::msla(), keys::FDM, "a printer of filament"),
+            // What is wrong then is `kind` itself.
+            _ => ([keys::fdm().as_slice(), keys::MSLA].concat(), &[][..], ""),
+        };
+        let elsewhere = |e| of_the_other_kind(e, others, owner, kind.as_deref().unwrap_or_default());
+        let mut table = self.checked(&keys).map_err(elsewhere)?;
         self.resolve_macros(&mut table)?;
         let profile: Profile = self.build(table)?;
-        let max_line = profile.serial.max_line;
         let macros = &profile.macros;
         for (key, text) in [
             ("macros.start", &macros.start),
@@ -222,25 +226,38 @@ impl Source {
             ("macros.pause", &macros.pause),
             ("macros.cancel", &macros.cancel),
         ] {
-            if let Some(why) = macros::unsendable(text, max_line) {
+            if let Some(why) = macros::unsendable(text, profile.serial.max_line) {
                 return Err(self.value(key, format!("cannot be sent: {why}")));
             }
         }
-        let delta = profile.bed.shape == printer::BedShape::Circle;
-        if let Some(why) = macros::unsafe_cancel(&macros.cancel, delta) {
-            return Err(self.value("macros.cancel", format!("is not safe: {why}")));
-        }
-        if let Some(why) = macros::unsafe_pause(&macros.pause, delta) {
-            return Err(self.value("macros.pause", format!("is not safe: {why}")));
-        }
-        if let Some(way_back) = &profile.resume {
-            self.resume(way_back, &profile)?;
+        match &profile.kind {
+            Kind::Fdm(fdm) => self.fdm(&profile, fdm)?,
+            Kind::Msla(msla) => {
+                if let Some((key, why)) = msla::proof::wrong(&profile, msla) {
+                    return Err(self.value(key, why));
+                }
+            }
         }
         Ok(profile)
     }
 
+    /// What a printer of filament says holds together.
+    fn fdm(&self, profile: &Profile, fdm: &Fdm) -> Result<(), ProfileError> {
+        let delta = profile.bed.shape == printer::BedShape::Circle;
+        if let Some(why) = macros::unsafe_cancel(&profile.macros.cancel, delta) {
+            return Err(self.value("macros.cancel", format!("is not safe: {why}")));
+        }
+        if let Some(why) = macros::unsafe_pause(&profile.macros.pause, delta) {
+            return Err(self.value("macros.pause", format!("is not safe: {why}")));
+        }
+        match &profile.resume {
+            Some(way_back) => self.resume(way_back, profile, fdm),
+            None => Ok(()),
+        }
+    }
+
     /// The macros of the way back can be sent, and each does its step only.
-    fn resume(&self, way_back: &printer::Resume, profile: &Profile) -> Result<(), ProfileError> {
+    fn resume(&self, way_back: &printer::Resume, profile: &Profile, fdm: &Fdm) -> Result<(), ProfileError> {
         for (key, text, proof) in [
             ("resume.z_set", &way_back.z_set, resume::unsafe_z_set as resume::Proof),
             ("resume.home", &way_back.home, resume::unsafe_home),
@@ -259,7 +276,7 @@ impl Source {
             let why = "is true of a round bed, which is a delta's: it homes all towers at once";
             return Err(self.value("resume.homes_xy_alone", why.to_owned()));
         }
-        if way_back.soften_c.0 > profile.limits.nozzle_c.0 {
+        if way_back.soften_c.0 > fdm.limits.nozzle_c.0 {
             return Err(self.value("resume.soften_c", "is above limits.nozzle_c".to_owned()));
         }
         Ok(())
@@ -274,7 +291,8 @@ impl Source {
     fn material(&self) -> Result<Material, ProfileError> {
         let resin = self.kind().as_deref() == Some("resin");
         let keys = if resin { keys::MATERIAL.to_vec() } else { keys::filament() };
-        let material: Material = self.build(self.checked(&keys).map_err(of_the_other_kind)?)?;
+        let elsewhere = |e| of_the_other_kind(e, keys::FILAMENT, "a filament", "resin");
+        let material: Material = self.build(self.checked(&keys).map_err(elsewhere)?)?;
         let MaterialKind::Filament(filament) = material.kind else { return Ok(material) };
         for (key, range) in [("nozzle_c", filament.nozzle_c), ("bed_c", filament.bed_c)] {
             if !(range.min <= range.usual && range.usual <= range.max) {
@@ -299,7 +317,7 @@ impl Source {
     /// Puts the text of a macro's file in the place of its name: beside the
     /// user's profile, or else one of the shared ones in the binary.
     fn resolve_macros(&self, table: &mut toml::Table) -> Result<(), ProfileError> {
-        for room in ["macros", "resume"] {
+        for room in ["macros", "resume", "light", "plate"] {
             if let Some(macros) = table.get_mut(room).and_then(|m| m.as_table_mut()) {
                 self.resolve_those_of(room, macros)?;
             }
@@ -335,13 +353,14 @@ impl Source {
     }
 }
 
-/// A filament's key in a resin's profile is not unknown: it is in the wrong place.
-fn of_the_other_kind(error: ProfileError) -> ProfileError {
+/// A key of the other kind is not unknown: it is in the wrong place. `others` are that kind's
+/// keys, `owner` who has them, `kind` what the file says that it is.
+fn of_the_other_kind(error: ProfileError, others: &[keys::Key], owner: &str, kind: &str) -> ProfileError {
     match error {
         ProfileError::Content { file, at: Located { line, fault: Fault::UnknownKey { key, .. } } }
-            if keys::FILAMENT.iter().any(|k| k.path == key) =>
+            if others.iter().any(|k| k.path == key) =>
         {
-            let message = "belongs to a filament, and `kind` says \"resin\"".to_owned();
+            let message = format!("belongs to {owner}, and `kind` says {kind:?}");
             ProfileError::Content { file, at: Located { line, fault: Fault::Value { key, message } } }
         }
         other => other,

@@ -4,25 +4,19 @@
 //! one place from which checks and help are made. This file knows no file
 //! system and no serial port.
 use super::macros::Macro;
+use super::msla::Msla;
 use crate::units::{Celsius, Mm, MmPerS, MmPerS2};
 use serde::{Deserialize, Serialize};
 
 /// Everything Outrigger knows of one model of printer. See [`super::load_printer`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Profile {
     /// Short name, as on the command line: `prusa-mk3s`.
     pub name: String,
     /// The maker's name for it: `Original Prusa i3 MK3S`.
     pub title: String,
-    /// How it prints.
-    pub kind: Kind,
     /// The family of firmware on the other end of the cable.
     pub firmware: Firmware,
-    /// Bore of the nozzle that it is sold with.
-    pub nozzle_mm: Mm,
-    /// Diameter of the filament.
-    pub filament_mm: Mm,
     /// How long a printer whose host died waits for another before it is made safe, s.
     #[serde(default = "orphan_timeout_s")]
     pub orphan_timeout_s: u32,
@@ -30,16 +24,53 @@ pub struct Profile {
     pub bed: Bed,
     /// How the host talks to it.
     pub serial: Serial,
-    /// Temperatures that must not be passed.
-    pub limits: Limits,
-    /// Speeds and accelerations, for estimates and for the mock printer.
-    pub motion: Motion,
     /// Commands that the host sends around a job.
     pub macros: Macros,
     /// The way back into a job after the board was reset or lost its power; `None`
-    /// where nobody has said that there is a safe one.
+    /// where nobody has said that there is a safe one. A printer of filament's: of one
+    /// of resin, [`super::msla::Plate`] says enough.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resume: Option<Resume>,
+    /// How it prints, and what only this kind has. Keys of the other kind are refused
+    /// before this is built.
+    #[serde(flatten)]
+    pub kind: Kind,
+}
+
+impl Profile {
+    /// What only a printer of filament has, if it is one.
+    #[must_use]
+    pub fn fdm(&self) -> Option<&Fdm> {
+        match &self.kind {
+            Kind::Fdm(fdm) => Some(fdm),
+            Kind::Msla(_) => None,
+        }
+    }
+
+    /// What only a printer of resin has, if it is one.
+    #[must_use]
+    pub fn msla(&self) -> Option<&Msla> {
+        match &self.kind {
+            Kind::Fdm(_) => None,
+            Kind::Msla(msla) => Some(msla),
+        }
+    }
+
+    /// [`Profile::fdm`], for who can do nothing without.
+    ///
+    /// # Errors
+    /// It is a printer of resin.
+    pub fn want_fdm(&self) -> Result<&Fdm, NotFdm> {
+        self.fdm().ok_or_else(|| NotFdm { name: self.name.clone() })
+    }
+}
+
+/// G-code was to be printed by, or looked at for, a printer that cures pictures.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{name} is a resin printer: its jobs are pictures (SL1, NanoDLP, GOO), not G-code")]
+pub struct NotFdm {
+    /// The profile's name.
+    pub name: String,
 }
 
 /// Long enough for a person to start the host again, and short for a nozzle that
@@ -48,12 +79,38 @@ fn orphan_timeout_s() -> u32 {
     300
 }
 
-/// How a printer prints.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// How a printer prints, with the keys that only this kind has.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Kind {
     /// Melted filament.
-    Fdm,
+    Fdm(Box<Fdm>),
+    /// Resin, cured by the light behind an LCD.
+    Msla(Box<Msla>),
+}
+
+impl Kind {
+    /// The word that stands for it in a file.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Kind::Fdm(_) => "fdm",
+            Kind::Msla(_) => "msla",
+        }
+    }
+}
+
+/// What only a printer of filament has.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fdm {
+    /// Bore of the nozzle that it is sold with.
+    pub nozzle_mm: Mm,
+    /// Diameter of the filament.
+    pub filament_mm: Mm,
+    /// Temperatures that must not be passed.
+    pub limits: Limits,
+    /// Speeds and accelerations, for estimates and for the mock printer.
+    pub motion: Motion,
 }
 
 /// Families of firmware, as far as their serial protocols differ.

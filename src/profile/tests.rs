@@ -91,10 +91,11 @@ fn keys_and_structs_agree() {
         printer::Cornering::JunctionMm(crate::units::Mm(0.013)),
         printer::Cornering::SquareCornerMmS(crate::units::MmPerS(5.0)),
     ] {
-        full.motion.cornering = cornering;
+        let printer::Kind::Fdm(fdm) = &mut full.kind else { unreachable!() };
+        fdm.motion.cornering = cornering;
         leaves(&toml::Value::try_from(&full).unwrap(), "", &mut printer);
     }
-    assert_eq!(printer, documented(keys::PRINTER));
+    assert_eq!(printer, documented(&keys::fdm()));
     for (name, table) in [("pla", keys::filament()), ("resin-standard", keys::MATERIAL.to_vec())] {
         let mut material = BTreeSet::new();
         let loaded = load_material(name).unwrap();

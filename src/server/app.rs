@@ -85,7 +85,11 @@ impl App {
             error: now.error,
             firmware: now.firmware,
             temperatures: now.heat,
-            limits: Limits { nozzle_c: profile.limits.nozzle_c.0, bed_c: profile.limits.bed_c.0 },
+            // Nothing of a resin printer is heated.
+            limits: profile.fdm().map_or(Limits { nozzle_c: 0.0, bed_c: 0.0 }, |fdm| Limits {
+                nozzle_c: fdm.limits.nozzle_c.0,
+                bed_c: fdm.limits.bed_c.0,
+            }),
             bed_mm: Bed {
                 x: profile.bed.x_mm.0,
                 y: profile.bed.y_mm.0,

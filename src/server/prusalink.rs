@@ -104,7 +104,7 @@ async fn info(Read(Asked { at, .. }): Read) -> Json<Value> {
     Json(json!({
         "hostname": at.app.config.server.name,
         "name": at.app.printer(at.station()).name,
-        "nozzle_diameter": profile.nozzle_mm.0,
+        "nozzle_diameter": profile.fdm().map(|fdm| fdm.nozzle_mm.0),
         "mmu": false,
         "sd_ready": false,
         "min_extrusion_temp": 170,

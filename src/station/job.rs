@@ -34,7 +34,8 @@ impl Job {
     /// profile again: a name, or an absolute path.
     ///
     /// # Errors
-    /// It cannot be read, or not be printed by this printer; which line, and why.
+    /// It cannot be read, or not be printed by this printer; which line, and why. A resin
+    /// printer prints no lines at all.
     pub(crate) fn open(
         path: &Path,
         profile: &Profile,
@@ -45,6 +46,7 @@ impl Job {
     }
 
     fn check(path: &Path, profile: &Profile, name: &str, store: Option<&Store>) -> anyhow::Result<Self> {
+        profile.want_fdm()?;
         let (file, meta) = regular(path)?;
         let path = std::fs::canonicalize(path)?;
         let stamp = stamp(&meta);

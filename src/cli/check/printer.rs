@@ -2,18 +2,18 @@
 use crate::printer::job_file::{self, JobError};
 use crate::printer::preflight::{Bears, Finding, Melts, Preflight, Volume};
 use crate::profile::material::{MaterialKind, TemperatureRange};
-use crate::profile::printer::{BedShape, Origin, Profile};
-use crate::profile::{load_material, load_printer};
+use crate::profile::printer::{BedShape, Origin};
+use crate::profile::{Fdm, Profile, load_material, load_printer};
 use crate::report::check::{Amiss, Printer};
 use std::io::Read;
 
 /// What a printer could not do of a job, in this material where it is known.
 ///
 /// # Errors
-/// There is no such profile.
+/// There is no such profile, or it is a resin printer's.
 pub(super) fn beside(name: &str, material: Option<&str>, job: impl Read) -> anyhow::Result<Printer> {
     let profile = load_printer(name)?;
-    let bears = bears(&profile, material)?;
+    let bears = bears(&profile, profile.want_fdm()?, material)?;
     let mut preflight = Preflight::new(bears);
     let max_line = profile.serial.max_line.map(|bytes| bytes as usize);
     let checked = job_file::check(job, max_line, |number, line| preflight.line(number, line));
@@ -42,7 +42,7 @@ fn refused(error: &JobError) -> Amiss {
     Amiss { kind, line, lines: 1, worst: 0.0, words: error.to_string() }
 }
 
-fn bears(profile: &Profile, material: Option<&str>) -> anyhow::Result<Bears> {
+fn bears(profile: &Profile, fdm: &Fdm, material: Option<&str>) -> anyhow::Result<Bears> {
     let bed = profile.bed;
     let [x, y, z] = [bed.x_mm, bed.y_mm, bed.z_mm].map(|mm| mm.0);
     let (low_mm, high) = match bed.origin {
@@ -56,8 +56,8 @@ fn bears(profile: &Profile, material: Option<&str>) -> anyhow::Result<Bears> {
     };
     Ok(Bears {
         volume: Volume { low_mm, high_mm: [high[0], high[1], z], round: bed.shape == BedShape::Circle },
-        nozzle_max_c: profile.limits.nozzle_c.0,
-        bed_max_c: profile.limits.bed_c.0,
+        nozzle_max_c: fdm.limits.nozzle_c.0,
+        bed_max_c: fdm.limits.bed_c.0,
         material,
         ends_jobs: !profile.macros.end.0.trim().is_empty(),
     })

@@ -244,7 +244,11 @@ impl Hot {
     /// # Errors
     /// It says nothing, or more than the printer bears.
     pub(crate) fn commands(&self, station: &Station) -> Result<Vec<String>, Problem> {
-        let limits = station.profile.limits;
+        let Some(fdm) = station.profile.fdm() else {
+            let name = &station.profile.name;
+            return Err(Problem::bad(format!("{name} is a resin printer: nothing of it is heated")));
+        };
+        let limits = fdm.limits;
         let one = |what: &str, letter: &str, wanted: Option<f64>, most: f64| match wanted {
             None => Ok(None),
             Some(c) if c.is_finite() && (0.0..=most).contains(&c) => Ok(Some(format!("{letter} S{c:.0}"))),

@@ -127,7 +127,14 @@ fn uuid_of(host: &str, index: usize) -> String {
 
 fn profile(at: &At) -> Value {
     let profile = &at.station().profile;
-    let (bed, fast) = (&profile.bed, &profile.motion.max_feed_mm_s);
+    let bed = &profile.bed;
+    // A resin printer has no extruder and no heater, and moves in Z only.
+    let fdm = profile.fdm();
+    let plate_mm_s = profile.msla().map_or(0.0, |msla| msla.plate.max_mm_min.0 / 60.0);
+    let fast = fdm.map_or([0.0, 0.0, plate_mm_s, 0.0], |fdm| {
+        let feed = fdm.motion.max_feed_mm_s;
+        [feed.x.0, feed.y.0, feed.z.0, feed.e.0]
+    });
     let axis = |mm_s: f64| json!({"speed": (mm_s * 60.0).round(), "inverted": false});
     json!({
         "id": PROFILE,
@@ -136,9 +143,14 @@ fn profile(at: &At) -> Value {
         "color": "default",
         "current": true,
         "default": true,
-        "heatedBed": profile.limits.bed_c.0 > 0.0,
+        "heatedBed": fdm.is_some_and(|fdm| fdm.limits.bed_c.0 > 0.0),
         "heatedChamber": false,
-        "extruder": {"count": 1, "nozzleDiameter": profile.nozzle_mm.0, "sharedNozzle": false, "offsets": [[0.0, 0.0]]},
+        "extruder": {
+            "count": usize::from(fdm.is_some()),
+            "nozzleDiameter": fdm.map_or(0.0, |fdm| fdm.nozzle_mm.0),
+            "sharedNozzle": false,
+            "offsets": fdm.map_or_else(Vec::new, |_| vec![[0.0, 0.0]]),
+        },
         "volume": {
             "formFactor": if bed.shape == BedShape::Circle { "circular" } else { "rectangular" },
             "origin": if bed.origin == Origin::Centre { "center" } else { "lowerleft" },
@@ -147,7 +159,7 @@ fn profile(at: &At) -> Value {
             "height": bed.z_mm.0,
             "custom_box": false,
         },
-        "axes": {"x": axis(fast.x.0), "y": axis(fast.y.0), "z": axis(fast.z.0), "e": axis(fast.e.0)},
+        "axes": {"x": axis(fast[0]), "y": axis(fast[1]), "z": axis(fast[2]), "e": axis(fast[3])},
         "resource": format!("{}/api/printerprofiles/{PROFILE}", at.base()),
     })
 }
