@@ -8,6 +8,7 @@
 //! # The table
 //! | phase | what happens | it ends when | and then |
 //! | --- | --- | --- | --- |
+//! | [`Checking`](Phase::Checking) | the profile's questions, before anything moves | each is answered well | – |
 //! | [`Between`](Phase::Between) | nothing; the only place for a pause | the host feeds on | the picture is loaded ahead |
 //! | [`Moving`](Phase::Moving) | down to the layer, `M400`, `M118 Z_move_comp` | the printer says the word | it is written down that the layer may be exposed from now on |
 //! | [`Settling`](Phase::Settling) | resin flows back | the time is over, the picture is loaded, the record durable | show |
@@ -49,6 +50,8 @@ pub const LOST_WORD_MS: u64 = 3_000;
 /// Where a layer is. See the module's table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
+    /// Before anything moves: the firmware is asked what must be so.
+    Checking,
     /// Before the layer's first line; the plate is up, the light off, the display dark.
     Between,
     /// On the way to the layer.
@@ -125,6 +128,9 @@ pub struct Exposure {
     acked_ms: Option<u64>,
     notes: bool,
     lost_words: u64,
+    /// The answer that a question of the profile wants was heard.
+    answered: bool,
+    failure: Option<String>,
 }
 
 impl Exposure {
@@ -145,6 +151,8 @@ impl Exposure {
             acked_ms: None,
             notes: false,
             lost_words: 0,
+            answered: false,
+            failure: None,
         }
     }
 
@@ -173,6 +181,11 @@ impl Exposure {
         matches!(self.phase, Phase::Between | Phase::Over)
     }
 
+    /// Why nothing may move.
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
+    }
+
     /// Whether a checkpoint is wanted now; told once.
     pub fn take_note(&mut self) -> bool {
         std::mem::take(&mut self.notes)
@@ -183,7 +196,8 @@ impl Exposure {
         let place = self.script.place();
         match self.phase {
             Phase::Between | Phase::Over => May::Go,
-            Phase::Moving if place.step == Step::Lower => May::Go,
+            Phase::Checking if !place.first || place.lines == 0 || self.word => May::Go,
+            Phase::Moving if matches!(place.step, Step::Home | Step::Lower) => May::Go,
             Phase::Lifting => May::Go,
             Phase::Exposing if place.step == Step::Expose => match (self.timing(), place.first) {
                 (_, true) => May::GoAlone,
@@ -214,6 +228,7 @@ impl Exposure {
     /// When a word that should have come is taken for lost.
     fn word_given_up_ms(&self) -> Option<u64> {
         let waits = matches!(self.phase, Phase::Moving | Phase::Exposing) && !self.word;
+        // A question whose answer got lost has no answer: it is not given up here.
         let since = self.acked_ms.filter(|_| waits)?;
         Some(since + LOST_WORD_MS)
     }
@@ -251,8 +266,9 @@ impl Exposure {
         orders.push(Order::Blank);
         self.phase = match place.step {
             _ if place.layer >= self.script.layers() => Phase::Over,
-            Step::Lower if place.first => Phase::Between,
-            Step::Lower => Phase::Moving,
+            Step::Check(_) => Phase::Checking,
+            Step::Home | Step::Lower if place.first => Phase::Between,
+            Step::Home | Step::Lower => Phase::Moving,
             // All lines down to the layer are there, and the head was found where they lead.
             Step::Expose if place.first => Phase::Moving,
             Step::Expose => Phase::Exposing,
@@ -261,7 +277,7 @@ impl Exposure {
         };
         let all_sent = place.first && matches!(place.step, Step::Expose | Step::Lift);
         self.word = all_sent;
-        if place.layer < self.script.layers() && matches!(self.phase, Phase::Between | Phase::Moving) {
+        if place.layer < self.script.layers() && !matches!(self.phase, Phase::Exposing | Phase::Lifting) {
             (self.wanted, self.loaded) = (None, None);
             self.want_loaded(place.layer, orders);
         }
@@ -271,7 +287,13 @@ impl Exposure {
         let was = self.script.place();
         self.script.advance();
         self.taken = self.script.place().lines;
-        if self.phase == Phase::Between {
+        if let (Phase::Checking, Step::Check(_)) = (self.phase, was.step) {
+            if was.first {
+                (self.word, self.answered) = (false, false);
+            }
+            return;
+        }
+        if matches!(self.phase, Phase::Between | Phase::Checking) {
             self.phase = Phase::Moving;
             (self.word, self.acked_ms) = (false, None);
             self.want_loaded(was.layer, orders);
@@ -323,6 +345,9 @@ impl Exposure {
 
     fn heard(&mut self, text: &str) {
         let place = self.script.place();
+        if self.phase == Phase::Checking {
+            return self.answer(text, place.lines);
+        }
         let sent = match self.phase {
             Phase::Moving => place.step == Step::Expose,
             Phase::Exposing => place.step == Step::Lift,
@@ -331,6 +356,25 @@ impl Exposure {
         let step = if self.phase == Phase::Moving { Step::Lower } else { Step::Expose };
         if sent && text.trim() == script::word(step, self.layer()) {
             self.word = true;
+        }
+    }
+
+    /// The firmware answers the question that was asked last, or says that this was all.
+    fn answer(&mut self, text: &str, lines: u64) {
+        let n = (lines.max(1) - 1) as u32 / 2;
+        let Some(check) = self.script.check(n) else { return };
+        self.answered |= text.contains(&check.wants);
+        if text.trim() == script::word(Step::Check(n), 0) && lines.is_multiple_of(2) {
+            match self.answered {
+                true => self.word = true,
+                false => {
+                    let (what, send, wants) = (&check.what, &check.send, &check.wants);
+                    self.failure = Some(format!(
+                        "nothing was moved, since the printer does not say that {what}: {send} must be \
+                         answered with {wants:?}"
+                    ));
+                }
+            }
         }
     }
 

@@ -63,11 +63,30 @@ pub struct Rules {
     pub lead_ms: u32,
     /// Lines after which the printer says `{word}` once the plate stands.
     pub done: Vec<String>,
+    /// Homes the plate, before the first layer.
+    pub home: Vec<String>,
+    /// What must be so before anything moves.
+    pub checks: Vec<Check>,
+}
+
+/// A question to the firmware that must be answered well before anything moves.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Check {
+    /// What shall be so, for a person.
+    pub what: String,
+    /// Asks the firmware.
+    pub send: String,
+    /// What some line of its answer must contain.
+    pub wants: String,
 }
 
 /// A part of a layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
+    /// A question before anything moves, from 0; all of them belong to the first layer, as homing does.
+    Check(u32),
+    /// The plate finds its height.
+    Home,
     /// Down to it, and the question whether it is there.
     Lower,
     /// The light, and the question whether it is off.
@@ -107,7 +126,8 @@ pub struct Standing {
 /// What the printer is asked to say at the end of a step.
 pub fn word(step: Step, layer: u32) -> String {
     match step {
-        Step::Lower => format!("Z_move_comp {layer}"),
+        Step::Check(check) => format!("checked {check}"),
+        Step::Home | Step::Lower => format!("Z_move_comp {layer}"),
         Step::Expose | Step::Lift => format!("light_off {layer}"),
     }
 }
@@ -187,6 +207,29 @@ impl Script {
         self.needs(self.layer).rest_ms
     }
 
+    /// What is asked before anything moves.
+    pub fn check(&self, n: u32) -> Option<&Check> {
+        self.rules.checks.get(n as usize)
+    }
+
+    /// The lines, counted from 1, between whose acknowledgements the light of the layer is on.
+    pub fn lit_between(&self) -> Option<[u64; 2]> {
+        let of_light = |at: &usize| self.lines.get(*at).is_some_and(|l| l.0 == Step::Expose);
+        let first = (0..self.lines.len()).find(of_light)?;
+        let last = (0..self.lines.len()).rfind(of_light)?;
+        let off = match self.rules.timing {
+            Timing::Pulse => last - 1,
+            Timing::Controller | Timing::Host => last - self.rules.off.len(),
+        };
+        let on = match self.rules.timing {
+            Timing::Pulse => off.checked_sub(1)?,
+            Timing::Controller => off.checked_sub(2)?,
+            Timing::Host => off.checked_sub(1)?,
+        };
+        let count = |at: usize| self.before + at as u64 + 1;
+        (on >= first).then(|| [count(on), count(off)])
+    }
+
     /// Where it stands.
     pub fn place(&self) -> Place {
         let lines = self.before + self.at as u64;
@@ -251,15 +294,17 @@ impl Script {
         let mut script = self.clone();
         script.go_to(lines);
         let place = script.place();
-        let start = script.before;
+        // It is homed once.
+        let moved = |line: &(Step, String)| !matches!(line.0, Step::Check(_) | Step::Home);
+        let start = script.before + script.lines.iter().position(moved).unwrap_or(0) as u64;
+        let end = script.before + script.lines.len() as u64;
         let z_mm = self.needs(place.layer).z_mm;
         match place.step {
             // On the way, or still up where the layer before has left it.
-            Step::Lower => Standing { from: start, layer: place.layer, exposed: false, at_mm: None },
+            Step::Check(_) | Step::Home | Step::Lower => Standing { from: start, layer: place.layer, exposed: false, at_mm: None },
             Step::Expose => Standing { from: start, layer: place.layer, exposed: true, at_mm: Some(z_mm) },
             Step::Lift => {
-                let from = start + script.lines.len() as u64;
-                Standing { from, layer: place.layer + 1, exposed: false, at_mm: None }
+                Standing { from: end, layer: place.layer + 1, exposed: false, at_mm: None }
             }
         }
     }
@@ -269,7 +314,12 @@ impl Script {
         let mut lines = Vec::with_capacity(16);
         let mut put = |step: Step, line: String| lines.push((step, line));
         if at == 0 {
-            ["G21", "G90"].into_iter().for_each(|mode| put(Step::Lower, mode.to_owned()));
+            for (n, check) in (0..).zip(&self.rules.checks) {
+                put(Step::Check(n), check.send.clone());
+                put(Step::Check(n), format!("M118 {}", word(Step::Check(n), 0)));
+            }
+            let modes = ["G21".to_owned(), "G90".to_owned()];
+            self.rules.home.iter().cloned().chain(modes).for_each(|line| put(Step::Home, line));
         }
         let [fast, slow] = layer.retract;
         if slow.mm > 0.0 && fast.mm_min > 0.0 {
@@ -333,6 +383,8 @@ mod tests {
             dwell: "G4 P{ms}".to_owned(),
             lead_ms: 100,
             done: lines("M400\nM118 {word}"),
+            home: Vec::new(),
+            checks: Vec::new(),
         }
     }
 
@@ -416,17 +468,43 @@ mod tests {
         let check = |lines: u64, from: u64, layer: u32, exposed: bool, at_mm: Option<f64>| {
             assert_eq!(script.standing(lines), Standing { from, layer, exposed, at_mm }, "{lines}");
         };
-        check(0, 0, 0, false, None);
-        check(5, 0, 0, false, None);
+        check(0, 2, 0, false, None);
+        check(5, 2, 0, false, None);
         // Down, and written down: its light may have been on.
-        check(6, 0, 0, true, Some(0.05));
-        check(10, 0, 0, true, Some(0.05));
+        check(6, 2, 0, true, Some(0.05));
+        check(10, 2, 0, true, Some(0.05));
         check(11, 13, 1, false, None);
         check(13, 13, 1, false, None);
         check(17, 13, 1, true, Some(0.1));
         check(22, 24, 2, false, None);
         check(34, 35, 3, false, None);
         check(35, 35, 3, false, None);
+    }
+
+    #[test]
+    fn the_light_is_on_between_two_acknowledgements() {
+        let check = |timing: Timing, expect: [&str; 2]| {
+            let script = Script::new(rules(timing), vec![layer(0.05), layer(0.1)]);
+            let all = lines(script.clone());
+            let [on, off] = script.lit_between().unwrap();
+            assert_eq!([on, off].map(|n| all[n as usize - 1].as_str()), expect);
+        };
+        check(Timing::Controller, ["M106 S255", "M107"]);
+        check(Timing::Host, ["M106 S255", "M107"]);
+        check(Timing::Pulse, ["M810 M106 S255|G4 P2500|M107", "M810"]);
+    }
+
+    #[test]
+    fn questions_and_homing_come_once_and_first() {
+        let asks = Check { what: "closed".into(), send: "M119".into(), wants: "open".into() };
+        let rules = Rules { home: vec!["G28 Z".into()], checks: vec![asks], ..rules(Timing::Controller) };
+        let script = Script::new(rules, vec![layer(0.05), layer(0.1)]);
+        let all = lines(script.clone());
+        assert_eq!(all[..6], ["M119", "M118 checked 0", "G28 Z", "G21", "G90", "G1 Z3.05 F200"]);
+        assert_eq!(all.iter().filter(|l| *l == "G28 Z").count(), 1);
+        for lines in 0..script.len() {
+            assert!(script.standing(lines).from >= 5, "homed again over a part");
+        }
     }
 
     #[test]

@@ -13,6 +13,8 @@ fn rules(timing: Timing) -> Rules {
         dwell: "G4 P{ms}".to_owned(),
         lead_ms: 100,
         done: lines("M400\nM118 {word}"),
+        home: Vec::new(),
+        checks: Vec::new(),
     }
 }
 
