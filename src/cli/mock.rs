@@ -250,9 +250,13 @@ fn announce(handle: &mock::Handle) -> anyhow::Result<()> {
 }
 
 fn summary(stats: &Stats) -> String {
+    let light = match stats.light_pulses {
+        0 => String::new(),
+        pulses => format!("; {pulses} pulses of light, {:.1} s", stats.light_s),
+    };
     format!(
         "mock printer: {} lines, {} moves, {:.1} mm of filament in {:.1} s; \
-         {} resends, {} bytes lost, planner empty {:.1} % of the time",
+         {} resends, {} bytes lost, planner empty {:.1} % of the time{light}",
         stats.lines_accepted,
         stats.moves,
         stats.extruded_mm,

@@ -2,7 +2,8 @@
 //!
 //! Takes the moves that ran, homing, sagging and resets; counts what must not
 //! happen. What the firmware believes is another matter: G92 does not reach
-//! this, a reset does not move it. Knows neither commands nor time.
+//! this, a reset does not move it. Of a resin printer it has the [`Plate`] instead, whose
+//! rules are its own. Knows neither commands nor time.
 //!
 //! # What counts as a crash
 //! - After a reset or a power cut with a part on the bed the nozzle stands on the part,
@@ -11,6 +12,7 @@
 //! - At any time: a move whose way leads [`COLLIDE_MM`] or more below what was printed
 //!   there.
 //! - Homing Z, or probing, with a part on the bed, wherever the nozzle is.
+use super::plate::Plate;
 use super::stats::Digest;
 
 /// So far above the part the nozzle is clear of it, mm: more than a curled edge.
@@ -50,6 +52,8 @@ pub(crate) struct Body {
     lost: bool,
     /// X or Y has moved since that reset.
     went_aside: bool,
+    /// Of a resin printer.
+    plate: Option<Plate>,
     pub(crate) crashes: u64,
     pub(crate) moved_cold: u64,
     pub(crate) first_xy_after_reset_z_mm: Option<f64>,
@@ -57,10 +61,32 @@ pub(crate) struct Body {
 }
 
 impl Body {
+    /// With a bed, or with the plate of a resin printer.
+    pub(crate) fn new(plate: Option<Plate>) -> Self {
+        Self { plate, ..Self::default() }
+    }
+
+    /// The light came on: the layer at this height of the plate is cured.
+    pub(crate) fn cure(&mut self, z_mm: f64) {
+        if let Some(plate) = &mut self.plate {
+            plate.cure(z_mm);
+        }
+    }
+
+    /// How far a part on a resin printer's plate was pressed into the film at most, mm.
+    pub(crate) fn pressed_in_mm(&self) -> f64 {
+        self.plate.as_ref().map_or(0.0, |plate| plate.pressed_in_mm)
+    }
+
     /// A move ran, or a piece of one: X, Y, Z and filament, with the nozzle this hot.
     pub(crate) fn moved(&mut self, by_mm: [f64; 4], nozzle_c: f64) {
         let from = self.at_mm;
         let to = [0, 1, 2].map(|axis| from[axis] + by_mm[axis]);
+        if let Some(plate) = &mut self.plate {
+            self.crashes += u64::from(plate.moved(from[2], to[2]));
+            self.at_mm = to;
+            return;
+        }
         let aside = by_mm[0] != 0.0 || by_mm[1] != 0.0;
         if self.lost {
             self.moved_lost(from, by_mm, aside, nozzle_c);
@@ -95,6 +121,12 @@ impl Body {
 
     /// An axis goes to its switch, at 0.
     pub(crate) fn home(&mut self, axis: usize, nozzle_c: f64) {
+        if let (Some(plate), 2) = (&self.plate, axis) {
+            let (at_mm, crash) = plate.home();
+            self.crashes += u64::from(crash);
+            self.at_mm[2] = at_mm;
+            return;
+        }
         if axis == 2 {
             self.probe();
             self.at_mm[2] = 0.0;
@@ -131,11 +163,15 @@ impl Body {
     pub(crate) fn remove_part(&mut self) {
         self.part = None;
         self.lost = false;
+        if let Some(plate) = &mut self.plate {
+            plate.remove_part();
+        }
     }
 
     /// The highest of what was printed, mm; 0 when the bed is free.
     pub(crate) fn part_top_mm(&self) -> f64 {
-        self.part.as_ref().map_or(0.0, |part| part.top_mm)
+        let cured_mm = self.plate.as_ref().map_or(0.0, Plate::cured_top_mm);
+        self.part.as_ref().map_or(cured_mm, |part| part.top_mm)
     }
 
     /// Whether a way leads through what was printed.

@@ -122,6 +122,44 @@ pub struct Machine {
     pub levelling: bool,
     /// Z_CLEARANCE_FOR_HOMING: Z is raised so far before anything is homed, mm.
     pub homing_raise_mm: f64,
+    /// GCODE_MACROS: M810 to M819 keep commands and run them.
+    pub macros: bool,
+    /// It cures resin: a plate that goes up and down and a light, and no X, Y or E.
+    pub resin: Option<ResinMachine>,
+}
+
+/// A resin printer that cures from below. Its pictures are the host's matter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ResinMachine {
+    /// G28 drives the plate up to a switch at the top, where Z is `z_max_mm`; else down to 0.
+    pub homes_up: bool,
+    /// How far up the plate goes, mm; soft endstops cut moves to 0 and this.
+    pub z_max_mm: f64,
+    /// What the light hangs on.
+    pub light: LightPin,
+}
+
+/// What the UV light hangs on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightPin {
+    /// The part cooling fan: M106 and M107. A board that was killed leaves it as it is.
+    Fan,
+    /// Spindle or laser: M3, M4 and M5, which wait for the moves. A kill switches it off.
+    Cutter,
+}
+
+impl Machine {
+    /// A resin printer with macros. Its heaters are of no use: any target becomes 0.
+    pub fn resin(resin: ResinMachine) -> Self {
+        Self {
+            nozzle_max_c: 0.0,
+            bed_max_c: 0.0,
+            homing_raise_mm: 0.0,
+            macros: true,
+            resin: Some(resin),
+            ..Self::default()
+        }
+    }
 }
 
 /// Most extruders that Marlin has.
@@ -146,6 +184,8 @@ impl Default for Machine {
             chamber: false,
             levelling: false,
             homing_raise_mm: 5.0,
+            macros: false,
+            resin: None,
         }
     }
 }

@@ -30,6 +30,10 @@ pub(crate) struct Motion {
     shift_mm: [f64; 3],
     /// Axes that were homed.
     homed: [bool; 3],
+    /// Of a resin printer: only Z is there, and goes so far up, mm.
+    z_only_mm: Option<f64>,
+    /// Soft endstops (M211).
+    pub(crate) endstops_on: bool,
     relative: bool,
     e_relative: bool,
     inches: bool,
@@ -70,6 +74,8 @@ impl Default for Motion {
             at_mm: [0.0; 4],
             shift_mm: [0.0; 3],
             homed: [false; 3],
+            z_only_mm: None,
+            endstops_on: true,
             relative: false,
             e_relative: false,
             inches: false,
@@ -83,6 +89,20 @@ impl Default for Motion {
 }
 
 impl Motion {
+    /// As after a start; with Z alone, up to a height in mm, for a resin printer.
+    pub(crate) fn new(z_only_mm: Option<f64>) -> Self {
+        Self { z_only_mm, ..Self::default() }
+    }
+
+    /// Marlin's soft endstops for Z, in the native position; off before it was homed. A
+    /// machine with X and Y goes without: its jobs are looked at by their own checks.
+    fn within_endstops(&self, z_mm: f64) -> f64 {
+        match self.z_only_mm.filter(|_| self.endstops_on && self.homed[2]) {
+            Some(max_mm) => z_mm.min(max_mm + self.shift_mm[2]).max(self.shift_mm[2]),
+            None => z_mm,
+        }
+    }
+
     /// G90 and G91: E goes along, as in Marlin.
     pub(crate) fn set_relative(&mut self, relative: bool) {
         self.relative = relative;
@@ -110,7 +130,7 @@ impl Motion {
     /// G92: names the position anew; without axes nothing changes. `native` is
     /// G92.9, which leaves the workspace's offset alone.
     pub(crate) fn name_position(&mut self, command: &Command<'_>, native: bool) {
-        for (axis, &letter) in LETTERS.iter().enumerate() {
+        for (axis, letter) in axes_there(self.z_only_mm) {
             if let Some(value) = self.length(command, letter) {
                 let before = std::mem::replace(&mut self.at_mm[axis], clamp(value));
                 if let Some(shift) = self.shift_mm.get_mut(axis).filter(|_| !native) {
@@ -125,11 +145,11 @@ impl Motion {
         [0, 1, 2].map(|axis| self.at_mm[axis] - self.shift_mm[axis])
     }
 
-    /// G28: the axes named are at 0 afterwards.
-    pub(crate) fn home(&mut self, axes: [bool; 3]) {
+    /// G28: the axes named are there afterwards, mm.
+    pub(crate) fn home(&mut self, axes: [bool; 3], at_mm: [f64; 3]) {
         for (axis, homed) in axes.into_iter().enumerate() {
             if homed {
-                self.at_mm[axis] = 0.0;
+                self.at_mm[axis] = at_mm[axis];
                 self.shift_mm[axis] = 0.0;
                 self.homed[axis] = true;
             }
@@ -163,14 +183,15 @@ impl Motion {
         }
         let from = self.at_mm;
         let mut to = from;
-        for (axis, &letter) in LETTERS.iter().enumerate() {
+        for (axis, letter) in axes_there(self.z_only_mm) {
             if let Some(value) = self.length(command, letter) {
                 let relative = if axis == 3 { self.e_relative } else { self.relative };
                 to[axis] = clamp(if relative { from[axis] + value } else { value });
             }
         }
+        to[2] = self.within_endstops(to[2]);
         let arc = match command.code {
-            2 | 3 => self.arc(command, from, to),
+            2 | 3 if self.z_only_mm.is_none() => self.arc(command, from, to),
             _ => None,
         };
         self.at_mm = to;
@@ -280,6 +301,11 @@ impl Path {
         }
         point
     }
+}
+
+/// The axes that a machine has, with their letters: all, or Z alone.
+fn axes_there(z_only_mm: Option<f64>) -> impl Iterator<Item = (usize, u8)> {
+    LETTERS.into_iter().enumerate().filter(move |(axis, _)| z_only_mm.is_none() || *axis == 2)
 }
 
 fn clamp(value: f64) -> f64 {

@@ -203,6 +203,19 @@ impl Planner {
         }
     }
 
+    /// How far the running move has got, by its time: its ramps are left out of account.
+    pub(crate) fn ran_mm(&self, now_ns: u64) -> Axes {
+        let done = self.done(now_ns);
+        self.blocks.front().map_or([0.0; 4], |block| block.by_mm.map(|mm| mm * done))
+    }
+
+    /// The share of the running move's time that is over, 0 to 1.
+    fn done(&self, now_ns: u64) -> f64 {
+        let left_ns = self.running_end_ns.saturating_sub(now_ns);
+        let lasts_ns = (self.running_end_ns - self.running_since_ns).max(1);
+        1.0 - (left_ns as f64 / lasts_ns as f64).clamp(0.0, 1.0)
+    }
+
     /// Drops everything at once (M410, a kill, a reset). How far the running move got
     /// is told by its time: its ramps are left out of account.
     pub(crate) fn stop(&mut self, now_ns: u64) -> Stopped {
@@ -211,8 +224,7 @@ impl Planner {
             return stopped;
         }
         let left_ns = self.running_end_ns.saturating_sub(now_ns);
-        let lasts_ns = (self.running_end_ns - self.running_since_ns).max(1);
-        let done = 1.0 - (left_ns as f64 / lasts_ns as f64).clamp(0.0, 1.0);
+        let done = self.done(now_ns);
         for (at, block) in self.blocks.iter().enumerate() {
             let part = if at == 0 { done } else { 0.0 };
             for axis in 0..4 {

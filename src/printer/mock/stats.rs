@@ -87,7 +87,7 @@ pub struct Stats {
     /// thousandths of a millimetre. Two prints with the same digest are the same part.
     pub deposit_digest: String,
     /// Times that the nozzle was driven into what it had printed, or X or Y moved after
-    /// a reset before Z was raised, or Z was homed over a part. See `body`.
+    /// a reset before Z was raised, or Z was homed over a part; for a resin printer see `plate`.
     pub crashes: u64,
     /// Moves after a reset of a nozzle that stuck to the part because it was cold.
     pub moved_cold: u64,
@@ -97,7 +97,8 @@ pub struct Stats {
     /// Where the nozzle really is: X, Y, Z, mm. `position_mm` is what the firmware
     /// believes, and where the queued moves end.
     pub true_position_mm: [f64; 3],
-    /// The highest of what was printed and not yet taken off the bed, mm.
+    /// The highest of what was printed and not yet taken off the bed, mm; of a resin
+    /// printer the highest that the plate was when the light came on.
     pub part_top_mm: f64,
     /// How often the power was cut.
     pub power_cuts: u64,
@@ -131,6 +132,21 @@ pub struct Stats {
     pub bed_target_c: f64,
     /// Part cooling fan, 0 to 255.
     pub fan: u8,
+    /// Whether the light of a resin printer is on; it and all of `light_…` stay at their
+    /// beginning on any other.
+    pub light_on: bool,
+    /// Times that it came on, or got another power while it was on.
+    pub light_pulses: u64,
+    /// Of these, what the log of pulses did not keep because it was full.
+    pub light_pulses_not_kept: u64,
+    /// How long it was on altogether, s of the machine's time: the clock's times `--speed`.
+    pub light_s: f64,
+    /// The longest of its pulses, s of the machine's time.
+    pub light_longest_s: f64,
+    /// How often the plate moved, by more than 0.001 mm, while it was on.
+    pub light_moved: u64,
+    /// How far a part on a resin printer's plate was driven below its last layer at most, mm.
+    pub pressed_in_mm: f64,
     /// Where the queued moves end: X, Y, Z, mm.
     pub position_mm: [f64; 3],
 }

@@ -3,6 +3,7 @@
 //!
 //! A command that was acknowledged and that a reset throws out of the planner never
 //! ran, and this is where one can tell. Takes the ends of moves; knows no protocol.
+use super::super::planner::Axes;
 use super::Firmware;
 
 /// Records kept for who does not fetch them: an hour of short moves. What comes later is
@@ -51,11 +52,17 @@ impl Firmware {
         let Some(ran) = self.planner.end_move(self.now_ns) else {
             return;
         };
-        let nozzle_c = self.nozzle_c();
-        self.body.moved(ran.by_mm, nozzle_c);
+        self.moved(ran.by_mm);
         for _ in 0..ran.ends {
             self.end_deed(true);
         }
+    }
+
+    /// The machine has really moved by so much.
+    pub(super) fn moved(&mut self, by_mm: Axes) {
+        let nozzle_c = self.nozzle_c();
+        self.body.moved(by_mm, nozzle_c);
+        self.light.plate_at(self.body.at_mm[2]);
     }
 
     fn end_deed(&mut self, whole: bool) {
@@ -72,8 +79,7 @@ impl Firmware {
     pub(super) fn stop_moves(&mut self) {
         let stopped = self.planner.stop(self.now_ns);
         if stopped.ran_mm != [0.0; 4] {
-            let nozzle_c = self.nozzle_c();
-            self.body.moved(stopped.ran_mm, nozzle_c);
+            self.moved(stopped.ran_mm);
             self.end_deed(false);
         }
         self.deeds.clear();

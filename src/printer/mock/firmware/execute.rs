@@ -25,8 +25,8 @@ const TAKEN: &[(u8, &[u32])] = &[
     (
         b'M',
         &[
-            17, 18, 73, 75, 76, 77, 84, 92, 111, 117, 200, 206, 208, 209, 211, 300, 301, 304, 420, 486, 500,
-            501, 502, 504, 569, 572, 593, 851, 900, 906, 907,
+            17, 18, 73, 75, 76, 77, 84, 92, 111, 117, 200, 206, 208, 209, 300, 301, 304, 420, 486, 500, 501,
+            502, 504, 569, 572, 593, 851, 900, 906, 907,
         ],
     ),
 ];
@@ -37,14 +37,41 @@ impl Firmware {
         let Some(number) = self.queue.front().map(|head| head.number) else {
             return;
         };
+        if self.script.is_some() {
+            if let Some(line) = self.next_of_script() {
+                self.execute_line(None, &line);
+            }
+            return;
+        }
         if !self.faults_of_line(number) {
             return;
         }
         // The line is borrowed by its words while the board changes.
-        let Some(line) = self.queue.front_mut().map(|head| std::mem::take(&mut head.line)) else {
-            return;
-        };
-        let command = Command::parse(&line);
+        if let Some(line) = self.queue.front_mut().map(|head| std::mem::take(&mut head.line)) {
+            self.execute_line(number, &line);
+        }
+    }
+
+    /// The command that is executed is done: its `ok` goes out, unless a macro runs it.
+    pub(super) fn done(&mut self) {
+        if self.script.is_none() {
+            self.reply_ok("");
+        }
+        self.leave();
+    }
+
+    /// The same without an `ok`.
+    fn leave(&mut self) {
+        if self.script.is_none() {
+            self.pop();
+        } else {
+            self.note_executed(None);
+            self.last_command_ns = self.now_ns;
+        }
+    }
+
+    fn execute_line(&mut self, number: Option<i64>, line: &[u8]) {
+        let command = Command::parse(line);
         if is_move(&command) {
             self.begin_deed(number, command.whole);
         } else {
@@ -57,21 +84,17 @@ impl Firmware {
             _ => Next::Unknown,
         };
         match waits {
-            Next::Ok => {
-                self.reply_ok("");
-                self.pop();
-            }
-            Next::Silent => self.pop(),
+            Next::Ok => self.done(),
+            Next::Silent => self.leave(),
             Next::Wait(wait) => self.begin_wait(wait),
-            Next::Halted => {}
+            Next::Halted | Next::Script => {}
             Next::Unknown => {
                 self.counts.unknown_commands += 1;
                 let mut text = b"echo:Unknown command: \"".to_vec();
                 text.extend(command.whole);
                 text.extend(b"\"\n");
                 self.say(&text);
-                self.reply_ok("");
-                self.pop();
+                self.done();
             }
         }
     }
@@ -84,7 +107,7 @@ impl Firmware {
                 let lasts_ns = self.scaled_ns(seconds);
                 return Next::Wait(Wait::Drain(After::Dwell { lasts_ns }));
             }
-            10 | 11 => {
+            10 | 11 if self.config.machine.resin.is_none() => {
                 if let Some(path) = self.motion.firmware_retract(command.code == 10) {
                     return Next::Wait(Wait::Room(path));
                 }
@@ -93,7 +116,7 @@ impl Firmware {
             20 => self.motion.set_inches(true),
             21 => self.motion.set_inches(false),
             28 => return self.begin_homing(command),
-            29 => {
+            29 if self.config.machine.resin.is_none() => {
                 let lasts_ns = self.scaled_ns(PROBING_S);
                 return Next::Wait(Wait::Drain(After::Probe { lasts_ns }));
             }
@@ -141,8 +164,14 @@ impl Firmware {
             }
             // One fan: what is for others is taken, as where FAN_COUNT is 1.
             106 | 107 if command.value(b'P').is_some_and(|p| p >= 1.0) => {}
-            106 => self.fan = s.unwrap_or(255.0).clamp(0.0, 255.0) as u8,
-            107 => self.fan = 0,
+            106 | 107 => {
+                let on = s.unwrap_or(255.0).clamp(0.0, 255.0) as u8;
+                self.fan = if command.code == 106 { on } else { 0 };
+                self.look_at_light();
+            }
+            3..=5 if self.has_cutter() => return Next::Wait(self.cut(command)),
+            211 => self.motion.endstops_on = s.map_or(self.motion.endstops_on, |s| s != 0.0),
+            810..=819 if self.config.machine.macros => return self.keep_or_run(command),
             // Seen on arrival with an emergency parser, or while the line was
             // read without one; what is left is a numbered line without one.
             108 | 410 | 876 => self.late_emergency(command.code),
@@ -218,6 +247,8 @@ pub(super) enum Next {
     Silent,
     Wait(Wait),
     Halted,
+    /// Its macro's commands come first.
+    Script,
     Unknown,
 }
 

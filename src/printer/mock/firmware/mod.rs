@@ -10,16 +10,19 @@
 //! # Layout
 //! Here the state, the clock and the main loop · `intake` from bytes to the
 //! queue · `execute` what commands do, `set` those that set values · `wait` what
-//! they wait for · `deeds` which of them have really run · `power` starting,
+//! they wait for · `lamp` the light of a resin printer · `script` commands within a command ·
+//! `deeds` which of them have really run · `power` starting,
 //! halting, faults · `watch` for who judges a run.
 use super::body::Body;
-use super::config::{Config, EXTRUDERS_MAX, OkForm};
+use super::config::{Config, EXTRUDERS_MAX, Machine, OkForm};
 use super::emergency::EmergencyParser;
 use super::faults::Faults;
 use super::heater::{self, Heater};
+use super::light::{self, Light};
 use super::line::{LineBuffer, Numbering};
 use super::motion::Motion;
 use super::planner::Planner;
+use super::plate::Plate;
 use super::report::{self, Heaters};
 use super::stats::{Digest, Stats};
 use super::uart::Uart;
@@ -29,7 +32,9 @@ use wait::Wait;
 mod deeds;
 mod execute;
 mod intake;
+mod lamp;
 mod power;
+mod script;
 mod set;
 mod wait;
 mod watch;
@@ -72,6 +77,13 @@ pub struct Firmware {
     body: Body,
     heaters: Heaters,
     fan: u8,
+    /// Power of spindle or laser.
+    cutter: u8,
+    light: Light,
+    /// M810 to M819.
+    macros: [Vec<u8>; script::MACROS],
+    /// What is left of the macro that the command at the head of the queue runs.
+    script: Option<script::Script>,
     levelling_on: bool,
     cold_extrusion_allowed: bool,
     now_ns: u64,
@@ -141,9 +153,13 @@ impl Firmware {
             numbering: Numbering::default(),
             queue: VecDeque::with_capacity(config.queue),
             wait: None,
-            motion: Motion::default(),
-            body: Body::default(),
+            motion: Motion::new(z_only_mm(machine)),
+            body: Body::new(machine.resin.map(|resin| Plate::new(resin.homes_up, resin.z_max_mm))),
             fan: 0,
+            cutter: 0,
+            light: Light::new(config.speed, light::PULSES_MAX),
+            macros: Default::default(),
+            script: None,
             levelling_on: false,
             cold_extrusion_allowed: false,
             now_ns: 0,
@@ -427,6 +443,7 @@ impl Firmware {
         let moved = moving.saturating_sub(running_on);
         let now_and_target = |heater: &Heater| [heater.temperature_c(now_s), heater.target_c()];
         let (nozzle, bed, body) = (self.heaters.nozzle(), &self.heaters.bed, &self.body);
+        let light = self.light.sums(self.now_ns);
         Stats {
             overflow_bytes: self.uart.overflow_bytes,
             unread_bytes: self.uart.unread_bytes,
@@ -462,10 +479,22 @@ impl Firmware {
             true_position_mm: body.at_mm,
             part_top_mm: body.part_top_mm(),
             fan: self.fan,
+            light_on: light.on,
+            light_pulses: light.pulses,
+            light_pulses_not_kept: light.not_kept,
+            light_s: light.total_s,
+            light_longest_s: light.longest_s,
+            light_moved: light.moved,
+            pressed_in_mm: body.pressed_in_mm(),
             position_mm: [self.motion.at_mm[0], self.motion.at_mm[1], self.motion.at_mm[2]],
             ..self.counts.clone()
         }
     }
+}
+
+/// How far up the plate of a resin printer goes, which has Z alone, mm.
+fn z_only_mm(machine: &Machine) -> Option<f64> {
+    machine.resin.map(|resin| resin.z_max_mm)
 }
 
 /// Marlin's DEFAULT_KEEPALIVE_INTERVAL, where there is one; 0 for never.

@@ -5,7 +5,7 @@ use super::super::line::Numbering;
 use super::super::motion::Motion;
 use super::super::report;
 use super::super::stats::Digest;
-use super::{Firmware, Power, busy_every_ns};
+use super::{Firmware, Power, busy_every_ns, z_only_mm};
 
 /// How long a start takes. Boot loaders take one to two seconds; a tenth is
 /// enough to lose the bytes of a host that does not wait for `start`.
@@ -87,6 +87,7 @@ impl Firmware {
     fn cut_power(&mut self, for_ns: u64, sag_mm: f64) {
         self.counts.power_cuts += 1;
         self.all_off();
+        self.fan_off();
         self.uart.reset(self.now_ns);
         self.body.sag(sag_mm);
         self.body.lose();
@@ -109,10 +110,12 @@ impl Firmware {
 
     pub(super) fn boot(&mut self, cause: &'static str) {
         self.all_off();
+        self.fan_off();
+        self.macros = Default::default();
         self.uart.reset(self.now_ns);
         self.emergency = EmergencyParser::default();
         self.numbering = Numbering::default();
-        self.motion = Motion::default();
+        self.motion = Motion::new(z_only_mm(&self.config.machine));
         self.body.lose();
         self.heaters.tool = 0;
         self.levelling_on = false;
@@ -130,10 +133,12 @@ impl Firmware {
         self.note_start();
     }
 
+    /// What `kill()` switches off: fans go on as they were.
     pub(super) fn all_off(&mut self) {
         self.stop_moves();
         self.queue.clear();
         self.current.clear();
+        self.script = None;
         self.wait = None;
         self.runout = false;
         self.injected = false;
@@ -141,6 +146,12 @@ impl Firmware {
         self.line.finish();
         let now_s = self.simulated_s();
         self.heaters.all_off(now_s);
+        self.cutter = 0;
+        self.look_at_light();
+    }
+
+    fn fan_off(&mut self) {
         self.fan = 0;
+        self.look_at_light();
     }
 }

@@ -133,6 +133,12 @@ impl Firmware {
     pub(super) fn begin_homing(&mut self, command: &Command<'_>) -> Next {
         let named = [b'X', b'Y', b'Z'].map(|axis| command.has(axis));
         let axes = if named.contains(&true) { named } else { [true; 3] };
+        if self.config.machine.resin.is_some() {
+            let homes = axes[2] && !(command.has(b'O') && self.motion.is_homed(2));
+            // Nothing goes across, so nothing is raised for it.
+            let home = After::Home { axes: [false, false, true], raise_mm: 0.0 };
+            return if homes { Next::Wait(Wait::Drain(home)) } else { Next::Ok };
+        }
         if command.has(b'O') && (0..3).all(|axis| !axes[axis] || self.motion.is_homed(axis)) {
             return Next::Ok;
         }
@@ -148,18 +154,24 @@ impl Firmware {
     /// afterwards, as without RESTORE_LEVELING_AFTER_G28.
     pub(super) fn home(&mut self, axes: [bool; 3], raise_mm: f64) -> f64 {
         let mut lasts_s = self.homing_s(axes);
-        let raised_mm = self.motion.raise_before_homing(raise_mm);
-        let nozzle_c = self.nozzle_c();
+        let raised_mm = if raise_mm > 0.0 { self.motion.raise_before_homing(raise_mm) } else { 0.0 };
         if raised_mm > 0.0 {
             lasts_s += raised_mm / HOME_Z_MM_S;
-            self.body.moved([0.0, 0.0, raised_mm, 0.0], nozzle_c);
+            self.moved([0.0, 0.0, raised_mm, 0.0]);
         }
+        let nozzle_c = self.nozzle_c();
         for axis in (0..3).filter(|&axis| axes[axis]) {
             self.body.home(axis, nozzle_c);
         }
-        self.motion.home(axes);
+        self.light.plate_at(self.body.at_mm[2]);
+        self.motion.home(axes, [0.0, 0.0, self.home_z_mm()]);
         self.levelling_on = false;
         lasts_s
+    }
+
+    /// Where Z is when it is homed, mm.
+    fn home_z_mm(&self) -> f64 {
+        self.config.machine.resin.filter(|resin| resin.homes_up).map_or(0.0, |resin| resin.z_max_mm)
     }
 
     /// M420 S: the mesh is there and outlives a reset.
@@ -209,9 +221,12 @@ impl Firmware {
     /// How long homing these axes takes, s of the machine's time.
     pub(super) fn homing_s(&self, axes: [bool; 3]) -> f64 {
         let speeds = [HOME_XY_MM_S, HOME_XY_MM_S, HOME_Z_MM_S];
+        let switches_mm = [0.0, 0.0, self.home_z_mm()];
         (0..3)
             .filter(|&axis| axes[axis])
-            .map(|axis| HOME_TOUCH_S + self.motion.at_mm[axis].abs().min(1000.0) / speeds[axis])
+            .map(|axis| {
+                HOME_TOUCH_S + (self.motion.at_mm[axis] - switches_mm[axis]).abs().min(1000.0) / speeds[axis]
+            })
             .sum()
     }
 }

@@ -42,6 +42,7 @@ pub(super) enum After {
     Dwell { lasts_ns: u64 },
     Home { axes: [bool; 3], raise_mm: f64 },
     Probe { lasts_ns: u64 },
+    Cutter { power: u8 },
     AskUser { title: &'static str, at_most_ns: Option<u64> },
     ChangeFilament,
 }
@@ -73,6 +74,7 @@ impl Firmware {
             return;
         };
         let paused = matches!(wait, Wait::User { .. });
+        let ends = matches!(wait, Wait::Until(at_ns) if *at_ns <= self.now_ns);
         if let Wait::Heat(heat) = wait
             && heat.report_ns <= self.now_ns
             && heat.done_ns > self.now_ns
@@ -84,7 +86,9 @@ impl Firmware {
             let text = report::heating(&self.temperatures(), left_s);
             self.say(text.as_bytes());
         }
-        if self.busy_every_ns > 0 && self.busy_next_ns <= self.now_ns {
+        // A pause that ends now is over before anything is said: a note takes its time on the
+        // line, and what the pause is for would last longer.
+        if self.busy_every_ns > 0 && self.busy_next_ns <= self.now_ns && !ends {
             self.busy_next_ns = self.now_ns + self.busy_every_ns;
             self.say(report::busy(paused));
         }
@@ -138,6 +142,12 @@ impl Firmware {
     pub(super) fn drained(&mut self, after: After) -> bool {
         let next = match after {
             After::Nothing => {
+                self.finish();
+                return true;
+            }
+            After::Cutter { power } => {
+                self.cutter = power;
+                self.look_at_light();
                 self.finish();
                 return true;
             }
@@ -199,7 +209,6 @@ impl Firmware {
         if std::mem::take(&mut self.tell_position) {
             self.say_position();
         }
-        self.reply_ok("");
-        self.pop();
+        self.done();
     }
 }

@@ -8,6 +8,7 @@
 use super::config::Config;
 use super::faults::{Fault, Faults};
 use super::firmware::{Executed, Firmware};
+use super::light::Pulse;
 use super::stats::Stats;
 use device::Device;
 use link::Link;
@@ -145,6 +146,20 @@ impl Handle {
     /// When the board began to start, each time, ns since the mock was started.
     pub fn starts_ns(&self) -> Vec<u64> {
         lock(&self.board).starts_ns().to_vec()
+    }
+
+    /// Every interval in which the light of a resin printer was on, as of now: see
+    /// [`Firmware::light`].
+    pub fn light(&self) -> Vec<Pulse> {
+        let mut board = lock(&self.board);
+        board.advance(elapsed_ns(self.started));
+        board.light().to_vec()
+    }
+
+    /// When the board's clock was 0: the times of [`Self::light`] and [`Self::starts_ns`] and
+    /// of what was executed are counted from here.
+    pub fn started(&self) -> Instant {
+        self.started
     }
 
     /// False once the mock has ended by an error; [`Self::stop`] says which.

@@ -6,6 +6,7 @@ mod faults;
 mod machine;
 mod personality;
 mod power;
+mod resin;
 mod wire;
 
 const MS: u64 = 1_000_000;
