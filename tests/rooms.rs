@@ -35,7 +35,10 @@ const ONLY: &[(&str, &[&str])] = &[
     ("geo_clipper", &["src/layers/polygon.rs"]),
     ("geo_types", &["src/layers/polygon.rs"]),
     ("tiny_skia", &["src/report/canvas/png.rs"]),
-    ("png", &["src/report/canvas/png.rs", "src/resin/image", "src/resin/testing.rs"]),
+    (
+        "png",
+        &["src/printer/lcd/folder.rs", "src/report/canvas/png.rs", "src/resin/image", "src/resin/testing.rs"],
+    ),
     ("zip", &["src/resin/archive", "src/resin/testing.rs"]),
     ("crc32fast", &["gcode/src/bgcode/", "src/job/journal"]),
     ("embedded_heatshrink", &["gcode/src/bgcode/"]),

@@ -9,7 +9,7 @@
 use super::record::{Accepted, Digest};
 use crate::printer::job_file::Checked;
 use sha2::{Digest as _, Sha256};
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 
 /// Smallest chunk: what is verified at once.
 pub const MIN_CHUNK_BYTES: u32 = 64 * 1024;
@@ -138,12 +138,14 @@ pub struct Verified<R> {
     file: R,
     bytes: u64,
     chunk_bytes: u32,
-    chunks: std::vec::IntoIter<[u8; 16]>,
-    /// Bytes read.
-    read: u64,
-    /// The current chunk, and how much of it was given out.
+    chunks: Vec<[u8; 16]>,
+    /// Where the next byte is given out.
+    at: u64,
+    /// Where the file stands: always at a chunk's beginning, or its end.
+    stands: u64,
+    /// The current chunk, and where it begins.
     chunk: Vec<u8>,
-    at: usize,
+    begins: u64,
     /// Once an error was told, nothing more is given out.
     failed: bool,
 }
@@ -155,22 +157,24 @@ impl<R: Read> Verified<R> {
             file,
             bytes: sums.bytes,
             chunk_bytes: sums.chunk_bytes,
-            chunks: sums.chunks.into_iter(),
-            read: 0,
-            chunk: Vec::new(),
+            chunks: sums.chunks,
             at: 0,
+            stands: 0,
+            chunk: Vec::new(),
+            begins: 0,
             failed: false,
         }
     }
 
-    /// Reads and verifies the next chunk; `false` at the end.
-    fn fill(&mut self) -> io::Result<bool> {
+    /// What of the current chunk lies ahead.
+    fn ahead(&self) -> &[u8] {
+        let from = self.at.checked_sub(self.begins).and_then(|from| usize::try_from(from).ok());
+        from.and_then(|from| self.chunk.get(from..)).unwrap_or_default()
+    }
+
+    /// Reads and verifies the chunk where the file stands.
+    fn fill(&mut self) -> io::Result<()> {
         self.chunk.clear();
-        self.at = 0;
-        let left = self.bytes - self.read;
-        if left == 0 {
-            return Ok(false);
-        }
         let changed = || {
             io::Error::new(
                 io::ErrorKind::InvalidData,
@@ -180,29 +184,52 @@ impl<R: Read> Verified<R> {
         if std::mem::replace(&mut self.failed, true) {
             return Err(changed());
         }
-        let expect = self.chunks.next().ok_or_else(changed)?;
-        let len = left.min(u64::from(self.chunk_bytes));
+        let which = usize::try_from(self.stands / u64::from(self.chunk_bytes)).map_err(|_| changed())?;
+        let expect = *self.chunks.get(which).ok_or_else(changed)?;
+        let len = (self.bytes - self.stands).min(u64::from(self.chunk_bytes));
         let got = (&mut self.file).take(len).read_to_end(&mut self.chunk);
         if got.is_err() || short(Sha256::new_with_prefix(&self.chunk)) != expect {
             self.chunk.clear();
             return Err(got.err().unwrap_or_else(changed));
         }
         self.failed = false;
-        self.read += len;
-        Ok(true)
+        self.begins = self.stands;
+        self.stands += len;
+        Ok(())
     }
 }
 
 impl<R: Read> Read for Verified<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.at == self.chunk.len() && !self.fill()? {
+        if self.at >= self.bytes {
             return Ok(0);
         }
-        let ready = &self.chunk[self.at..];
+        if self.ahead().is_empty() {
+            self.fill()?;
+        }
+        let ready = self.ahead();
         let len = ready.len().min(buffer.len());
         buffer[..len].copy_from_slice(&ready[..len]);
-        self.at += len;
+        self.at += len as u64;
         Ok(len)
+    }
+}
+
+impl<R: Read + Seek> Seek for Verified<R> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let at = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::End(by) => self.bytes.checked_add_signed(by),
+            SeekFrom::Current(by) => self.at.checked_add_signed(by),
+        };
+        let at = at.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
+        self.at = at;
+        if at < self.bytes && self.ahead().is_empty() {
+            let chunk = u64::from(self.chunk_bytes);
+            self.stands = at / chunk * chunk;
+            self.file.seek(SeekFrom::Start(self.stands))?;
+        }
+        Ok(at)
     }
 }
 

@@ -13,9 +13,10 @@
 //! - [`port`]: the serial port.
 //! - [`find`]: which port, at which speed, and the same one again.
 //! - [`mock`]: the other side: a strict Marlin on a pseudo-terminal.
+//! - [`lcd`]: the display of a resin printer, which masks the light.
 //!
-//! Invariant: on the sender's side nothing but [`port`] and [`find`] does I/O or asks
-//! the time; it shares no code with [`mock`].
+//! Invariant: on the sender's side nothing but [`port`], [`find`] and the displays in [`lcd`]
+//! does I/O or asks the time; it shares no code with [`mock`].
 //!
 //! Knows the G-code crate's framing. Settings come as plain values: this room
 //! knows no profile, no command line and no terminal.
@@ -23,6 +24,7 @@ pub mod action;
 pub mod exposure;
 pub mod find;
 pub mod job_file;
+pub mod lcd;
 pub mod lines;
 pub mod mock;
 pub mod port;
