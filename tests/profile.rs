@@ -29,6 +29,9 @@ fn list_and_show() {
         "",
     );
     check(&["show", "ender-3", "--json"], 0, "\"dtr_reset\": true", "");
+    check(&["list"], 0, "generic-msla          msla      Any resin printer", "");
+    check(&["list", "--json"], 0, "\"kind\": \"msla\"", "");
+    check(&["show", "generic-msla"], 0, "lift.slow_mm_min = 40.0\n", "");
     check(&["show", "ender-33"], 1, "", "did you mean ender-3?");
     check(&["show"], 2, "", "Usage");
 }
@@ -41,7 +44,7 @@ fn what_is_shown_can_be_changed_and_checked() {
     let shown = String::from_utf8(run(&["show", "ender-3"]).stdout).unwrap();
     let named = shown.replace("name = \"ender-3\"", "name = \"mine\"");
     std::fs::write(&mine, &named).unwrap();
-    check(&["check", path], 0, "printer \"mine\" is valid", "");
+    check(&["check", path], 0, "fdm printer \"mine\" is valid", "");
     let wrong = named.replace("max_line", "max_lines");
     std::fs::write(&mine, &wrong).unwrap();
     let line = 1 + wrong.lines().position(|l| l.starts_with("max_lines")).unwrap();

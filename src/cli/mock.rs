@@ -278,6 +278,10 @@ mod tests {
         assert_eq!(machine.dynamics.max_feed_mm_s, [200.0, 200.0, 12.0, 120.0]);
         assert_eq!(machine.dynamics.cornering, Cornering::JerkMmS(8.0));
         assert_eq!(machine.nozzle_max_c, 300.0);
+        let profile = profile::load_printer("generic-msla").unwrap();
+        let machine = super::machine(&profile);
+        assert_eq!((machine.dynamics.max_feed_mm_s[2], machine.dynamics.max_accel_mm_s2[2]), (5.0, 100.0));
+        assert_eq!((machine.nozzle_max_c, machine.bed_max_c), (0.0, 0.0));
     }
 
     #[test]

@@ -96,6 +96,29 @@ fn keys_and_structs_agree() {
         leaves(&toml::Value::try_from(&full).unwrap(), "", &mut printer);
     }
     assert_eq!(printer, documented(&keys::fdm()));
+    let mut printer = BTreeSet::new();
+    let mut full = load_printer("generic-msla").unwrap();
+    full.serial.hard_stop = Some(printer::HardStop::Dtr);
+    let printer::Kind::Msla(msla) = &mut full.kind else { unreachable!() };
+    msla.lcd.mirror = msla::Mirror::Xy;
+    msla.light.pulse = Some(Macro("M1400 S{power} P{ms}".to_owned()));
+    // A list of tables is one leaf: its own keys are compared below.
+    let before = msla::Before {
+        what: "the door is closed".to_owned(),
+        send: Some("M119".to_owned()),
+        wants: Some("door: TRIGGERED".to_owned()),
+    };
+    for (window, sink) in [
+        (printer::Window::Bytes(120), msla::Sink::Framebuffer("fb0".to_owned())),
+        (printer::Window::Lines(4), msla::Sink::Folder("/tmp".into())),
+    ] {
+        full.serial.window = window;
+        let printer::Kind::Msla(msla) = &mut full.kind else { unreachable!() };
+        msla.lcd.sink = sink;
+        leaves(&toml::Value::try_from(&full).unwrap(), "", &mut printer);
+    }
+    leaves(&toml::Value::try_from(&before).unwrap(), "before", &mut printer);
+    assert_eq!(printer, documented(&keys::msla()));
     for (name, table) in [("pla", keys::filament()), ("resin-standard", keys::MATERIAL.to_vec())] {
         let mut material = BTreeSet::new();
         let loaded = load_material(name).unwrap();

@@ -83,15 +83,13 @@ fn sent(
     if text.is_empty() {
         return Some((key, "has no command".to_owned()));
     }
-    let mut rest: Vec<&str> = text.lines().collect();
-    if let Some(place) = places.iter().find(|place| !rest.iter().any(|line| line.contains(**place))) {
+    let mut bare = text.lines().collect::<Vec<_>>().join("\n");
+    if let Some(place) = places.iter().find(|place| !bare.contains(**place)) {
         return Some((key, format!("does not say {place}")));
     }
-    let mut bare = rest.join("\n");
     for place in places {
         bare = bare.replace(place, "");
     }
-    rest.clear();
     if bare.contains(['{', '}']) {
         let known = if places.is_empty() { "none".to_owned() } else { places.join(", ") };
         return Some((
@@ -241,13 +239,16 @@ const RESTLESS: &[&str] =
 fn unsafe_still(text: &Macro) -> Option<&'static str> {
     commands(text).find_map(|command| {
         let words = Words(command);
-        let g = command.starts_with(['G', 'g'])
-            && command.get(1..).is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
-        let t = command.starts_with(['T', 't'])
-            && command.get(1..).is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+        let is_a = |letters: [char; 2]| {
+            let number = command.strip_prefix(letters);
+            number.is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+        };
         if words.glued() {
             Some(GLUED)
-        } else if (g && !words.is("G4")) || t || RESTLESS.iter().any(|name| words.is(name)) {
+        } else if (is_a(['G', 'g']) && !words.is("G4"))
+            || is_a(['T', 't'])
+            || RESTLESS.iter().any(|name| words.is(name))
+        {
             Some("it does more than light, wait or ask: nothing may move")
         } else {
             None
@@ -303,3 +304,6 @@ fn only_up<'a>(lines: impl Iterator<Item = &'a str>) -> Option<&'static str> {
     }
     None
 }
+
+#[cfg(test)]
+mod tests;
