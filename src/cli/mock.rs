@@ -1,5 +1,6 @@
 //! `outrigger mock`: the mock printer on a pseudo-terminal.
 use crate::printer::mock::{self, Config, Cornering, Dynamics, Faults, Machine, Options, Personality, Stats};
+use crate::profile::msla::Homes;
 use crate::profile::{self, Fdm, Msla, Profile, printer};
 use anyhow::Context;
 use clap::Args as ClapArgs;
@@ -187,18 +188,23 @@ fn set(value: &mut usize, given: Option<u32>) {
 pub(crate) fn machine(profile: &Profile) -> Machine {
     match &profile.kind {
         printer::Kind::Fdm(fdm) => of_filament(&profile.title, fdm),
-        printer::Kind::Msla(msla) => of_resin(&profile.title, msla),
+        printer::Kind::Msla(msla) => of_resin(profile, msla),
     }
 }
 
 /// Its plate is Z; what else the mock has of a machine stands still and cold.
-fn of_resin(title: &str, msla: &Msla) -> Machine {
-    let own = Machine::default();
+fn of_resin(profile: &Profile, msla: &Msla) -> Machine {
+    let cutter = msla.light.on.lines().any(|line| ["M3", "M4"].contains(&line.split(' ').next().unwrap_or_default()));
+    let own = Machine::resin(mock::ResinMachine {
+        homes_up: msla.plate.homes == Homes::Up,
+        z_max_mm: profile.bed.z_mm.0,
+        light: if cutter { mock::LightPin::Cutter } else { mock::LightPin::Fan },
+    });
     let [x, y, _, e] = own.dynamics.max_feed_mm_s;
     let [ax, ay, _, ae] = own.dynamics.max_accel_mm_s2;
     let accel_mm_s2 = msla.plate.accel_mm_s2.0;
     Machine {
-        name: title.to_owned(),
+        name: profile.title.clone(),
         dynamics: Dynamics {
             max_feed_mm_s: [x, y, msla.plate.max_mm_min.0 / 60.0, e],
             max_accel_mm_s2: [ax, ay, accel_mm_s2, ae],
@@ -206,9 +212,6 @@ fn of_resin(title: &str, msla: &Msla) -> Machine {
             travel_mm_s2: accel_mm_s2,
             ..own.dynamics
         },
-        nozzle_max_c: 0.0,
-        bed_max_c: 0.0,
-        homing_raise_mm: 0.0,
         ..own
     }
 }

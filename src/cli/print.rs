@@ -5,6 +5,7 @@
 //! profile's cancel macro makes it safe; a second one quits at once.
 mod keys;
 mod letters;
+mod ready;
 mod show;
 mod verdict;
 mod words;
@@ -12,19 +13,24 @@ mod words;
 pub(super) use letters::{Letters, letters};
 
 use super::guard;
+use super::progress;
 use super::serial::{Baud, rate};
 use crate::job::disk::HeldJob;
 use crate::job::host::{Begin, Host};
 use crate::job::record::Record;
-use crate::job::run::{Wires, run as run_host};
+use crate::job::run::{Mail, Wires, run as run_host};
 use crate::job::scribe::Scribe;
 use crate::printer::find::{Connection, Places, Wanted, connect};
+use crate::printer::lcd::Sink;
+use crate::printer::lcd::recorder::Recorder;
 use crate::printer::mock;
 use crate::printer::port::OpenMode;
 use crate::profile::printer::HardStop;
-use crate::profile::{Profile, load_printer};
+use crate::profile::{Msla, Profile, load_printer};
 use crate::station::marks::Marks;
-use crate::station::{Folder, Job, lasting_name, lasting_port, now_unix_s, settings};
+use crate::station::job::Display;
+use crate::station::plate::Exposures;
+use crate::station::{Folder, Job, display, lasting_name, lasting_port, now_unix_s, settings};
 use anyhow::Context;
 use keys::Keys;
 use show::Show;
@@ -40,14 +46,15 @@ const DEFAULT_PROFILE: &str = "generic-marlin";
 
 /// Print a file: stream it to a printer and watch it.
 ///
-/// The file is checked first: nothing is sent if a line is too long for the
+/// G-code goes to a printer of filament; a resin job (SL1, NanoDLP, GOO) to a printer whose plate and
+/// light are driven over the same kind of port, while its pictures are shown from here. The file is checked first: nothing is sent if a line is too long for the
 /// firmware. In a terminal the keys are: p pause, r resume, 0-9 answer the printer's
 /// question, c cancel, ! emergency stop. Ctrl-C cancels the job too: it waits for what the
 /// printer has, and sends the profile's cancel macro (heaters off); a second Ctrl-C quits at
 /// once and leaves the printer as it is. A job that was broken off is in `outrigger jobs list`.
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The G-code file, text or binary (.bgcode).
+    /// The job: G-code, text or binary (.bgcode), or a resin job (.sl1, .nanodlp, .goo).
     file: PathBuf,
     /// The printer's serial port: a path such as /dev/ttyUSB0, `usb:` and its serial
     /// number (see `outrigger ports`), `auto` for the only one that answers, or `mock`
@@ -60,6 +67,12 @@ pub(super) struct Args {
     /// The printer's profile: a name from `outrigger profile list`, or a file.
     #[arg(long, value_name = "NAME", default_value = DEFAULT_PROFILE)]
     profile: String,
+    /// Of a resin job: show the pictures in this folder of PNGs instead of on the profile's display.
+    #[arg(long, value_name = "DIR")]
+    lcd_folder: Option<PathBuf>,
+    /// What the printer's profile wants seen to before a print (the vat, the cover) is so.
+    #[arg(long)]
+    ready: bool,
     /// Do not send the profile's start and end macros around the file.
     #[arg(long)]
     no_macros: bool,
@@ -101,7 +114,15 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     let wanted: Wanted = args.port.parse()?;
     let name = lasting_name(&args.profile)?;
-    let job = Job::open(&args.file, &profile, &name, folder.as_ref().map(|f| &f.store))?;
+    let job = open(&args, &profile, &name, folder.as_ref())?;
+    let sink = match profile.msla() {
+        Some(msla) if is_mock && args.lcd_folder.is_none() => Some(in_memory(msla)?),
+        Some(msla) => Some(display::open(msla, args.lcd_folder.as_deref())?),
+        None => None,
+    };
+    if !is_mock {
+        ready::ask(&profile, args.ready)?;
+    }
     let rate = rate(args.baud, profile.serial.baud);
     runtime()?.block_on(async {
         let letters = letters()?;
@@ -142,11 +163,31 @@ pub(super) fn run(args: Args) -> anyhow::Result<ExitCode> {
             person: Person::Away,
             verbose: args.verbose,
             speed: mock.as_ref().map_or(1.0, |_| args.mock_speed),
+            sink,
         };
         let listening = Listening::start(args.commands, &letters)?;
         print(printing, letters, listening.hint()).await?;
         Ok(ExitCode::SUCCESS)
     })
+}
+
+/// The job, checked; a resin job's pictures take a while.
+fn open(args: &Args, profile: &Profile, name: &str, folder: Option<&Folder>) -> anyhow::Result<Job> {
+    let bar = progress::layers(Some(0), profile.msla().is_none());
+    let watch = |done: u32, of: u32| {
+        bar.set_length(u64::from(of));
+        bar.set_position(u64::from(done));
+    };
+    let job = Job::open(&args.file, profile, name, folder.map(|f| &f.store), watch);
+    bar.finish_and_clear();
+    job
+}
+
+/// The display of a printer that is none.
+fn in_memory(msla: &Msla) -> anyhow::Result<Box<dyn Sink>> {
+    let began = std::time::Instant::now();
+    let clock = move || u64::try_from(began.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    Ok(Box::new(Recorder::new(display::layout(&msla.lcd), clock)?))
 }
 
 /// A job that cannot be written down is printed nevertheless: nobody waits for a disk
@@ -243,6 +284,8 @@ pub(super) struct Printing<'a> {
     pub(super) verbose: bool,
     /// How many times faster than life the printer is: 1 but for a mock.
     pub(super) speed: f64,
+    /// Where the pictures of a resin job go.
+    pub(super) sink: Option<Box<dyn Sink>>,
 }
 
 /// Prints a job to its end, or until its mail ends it; `hint` is shown at the start.
@@ -256,7 +299,16 @@ pub(super) async fn print(
 ) -> anyhow::Result<()> {
     let Printing { job, profile, started, connection, .. } = printing;
     let marks = Rc::new(RefCell::new(Marks::default()));
-    let lines = job.lines(Rc::clone(&marks)).with_context(|| printing.name.clone())?;
+    let measured = Rc::new(RefCell::new(Exposures::default()));
+    let post = letters.post.clone();
+    let display = printing.sink.map(|sink| Display {
+        sink,
+        // Whoever is gone wants no word.
+        wake: Box::new(move || _ = post.blocking_send(Mail::Look)),
+        speed: printing.speed,
+        measured: Rc::clone(&measured),
+    });
+    let lines = job.lines(Rc::clone(&marks), display).with_context(|| printing.name.clone())?;
     let mut show = Show::new(printing.verbose, job.checked, job.facts, marks, printing.speed);
     show.answer_plans(printing.person, letters.post.clone());
     if let Some(hint) = hint {
@@ -290,6 +342,9 @@ pub(super) async fn print(
     };
     let end = run_host(&mut host, wires).await.end;
     show.finish();
+    if let Some(words) = measured.borrow().words() {
+        show.hint(&words);
+    }
     verdict::verdict(&printing.name, id, &end, host.state(), &show)
 }
 

@@ -224,10 +224,15 @@ impl<R: Read + Seek> Seek for Verified<R> {
         };
         let at = at.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
         self.at = at;
-        if at < self.bytes && self.ahead().is_empty() {
-            let chunk = u64::from(self.chunk_bytes);
-            self.stands = at / chunk * chunk;
-            self.file.seek(SeekFrom::Start(self.stands))?;
+        let chunk = u64::from(self.chunk_bytes);
+        let next = match self.ahead().is_empty() {
+            true => at.min(self.bytes) / chunk * chunk,
+            // It follows the one that is there.
+            false => self.begins + self.chunk.len() as u64,
+        };
+        if next != self.stands {
+            self.stands = next;
+            self.file.seek(SeekFrom::Start(next))?;
         }
         Ok(at)
     }

@@ -68,6 +68,9 @@ pub struct HostSettings {
     pub resume: ResumeRules,
     /// What `G90` and `G91` do to E.
     pub e_modes: EModes,
+    /// A firmware that halts leaves something on that a reset of the board switches off: a light on a
+    /// fan's pin.
+    pub resets_when_halted: bool,
     /// Lowers the nozzle's target in a long pause.
     pub pause_cooling: Option<PauseCooling>,
     /// Whether a host whose printer lost its state waits for [`Request::Confirm`]
@@ -272,6 +275,8 @@ pub struct Host<S> {
     link_down: bool,
     /// All is over on our side, whatever the session thinks.
     closing: bool,
+    /// The firmware has halted, and the board is to be reset.
+    resets: bool,
     over: Option<Outcome>,
 }
 
@@ -315,6 +320,7 @@ impl<S: Source> Host<S> {
             taken: None,
             link_down: false,
             closing: false,
+            resets: false,
             over: None,
         };
         host.begin(begin);
@@ -365,6 +371,13 @@ impl<S: Source> Host<S> {
 
     /// The board was reset as [`PortWish::HardStop`] wants, or cannot be.
     pub fn hard_stopped(&mut self, done: bool, now_ms: u64) {
+        if std::mem::take(&mut self.resets) {
+            self.say(match done {
+                true => "the board was reset: its light is off",
+                false => "THE LIGHT MAY BE ON: the firmware halted, and nothing resets the board; switch it off",
+            });
+            return;
+        }
         self.session.hard_stopped(done, now_ms);
         self.go_on(now_ms);
     }
@@ -424,6 +437,9 @@ impl<S: Source> Host<S> {
 
     /// What is wanted of the port.
     pub fn port(&self) -> PortWish {
+        if self.resets {
+            return PortWish::HardStop;
+        }
         if self.is_over() {
             // The last state is durable before the port goes.
             return if self.book.has_all() { PortWish::Close } else { PortWish::Keep };

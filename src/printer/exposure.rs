@@ -233,6 +233,11 @@ impl Exposure {
         Some(since + LOST_WORD_MS)
     }
 
+    /// Goes elsewhere in the script, before [`Event::Begin`].
+    pub fn go_to(&mut self, lines: u64) {
+        self.script.go_to(lines);
+    }
+
     /// Something happened. Orders for the screen are appended to `orders`.
     pub fn on(&mut self, event: Event<'_>, now_ms: u64, orders: &mut Vec<Order>) {
         match event {

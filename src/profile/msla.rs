@@ -16,7 +16,7 @@ pub const MS_PLACE: &str = "{ms}";
 /// Where the word to be said stands in `plate.done`.
 pub const WORD_PLACE: &str = "{word}";
 /// Longest word that is put in the place of [`WORD_PLACE`], in bytes: a name and a counter.
-pub const WORD_BYTES_MAX: usize = 16;
+pub const WORD_BYTES_MAX: usize = 17;
 
 /// What only a printer of resin has.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -66,6 +66,11 @@ pub(crate) struct Facts {
 }
 
 impl Facts {
+    /// Of a job that is known to have so many layers and to take so long, s.
+    pub(crate) fn of(layers: u64, total_s: Option<f64>) -> Self {
+        Self { kind: None, layers, total_s }
+    }
+
     /// Takes the next line of the file.
     pub(crate) fn see(&mut self, line: &[u8]) {
         match mark(line) {

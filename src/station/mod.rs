@@ -7,10 +7,13 @@
 //! # Layout
 //! - [`job`]: a file that was checked and can be sent · [`marks`]: layers and times that it tells of
 //!   itself · [`pace`]: how long the rest takes
+//! - [`resin`]: what a resin job becomes on a printer · [`screen`]: a thread that shows its pictures ·
+//!   [`plate`]: its lines, and what they wait for · [`display`]: where pictures go
 //! - [`settings`]: what a host needs of a profile
 //! - [`folder`]: no job is printed over another's part · [`guardian`]: who acts when we are dead
 //! - [`news`], [`cases`], [`escape`]: what happens, in plain words
 pub(crate) mod cases;
+pub(crate) mod display;
 pub(crate) mod escape;
 pub(crate) mod folder;
 pub(crate) mod guardian;
@@ -18,6 +21,9 @@ pub(crate) mod job;
 pub(crate) mod marks;
 pub(crate) mod news;
 pub(crate) mod pace;
+pub(crate) mod plate;
+pub(crate) mod resin;
+pub(crate) mod screen;
 pub(crate) mod settings;
 
 pub(crate) use folder::{Folder, lasting_name, lasting_port};

@@ -1,11 +1,13 @@
 //! What a host needs of a printer's profile, as plain values.
 use crate::job::host::HostSettings;
-use crate::job::recover::ResumeRules;
+use crate::job::recover::{PlateRules, ResumeRules};
 use crate::job::tracker::EModes;
+use crate::printer::exposure::script;
 use crate::printer::session::{DEFAULT_BOOT_WAIT_MS, Settings};
 use crate::printer::window::Limit;
 use crate::profile::printer::{Firmware, Window};
-use crate::profile::{Macro, Profile};
+use crate::profile::msla::{Before, Homes, TimedBy};
+use crate::profile::{Macro, Msla, Profile};
 use outrigger_gcode::checksum::sendable;
 
 /// A board that opening the port does not reset may have been switched on just now; one that
@@ -48,8 +50,8 @@ pub(crate) fn of(profile: &Profile, around: bool) -> HostSettings {
             cancel_macro: lines(&profile.macros.cancel),
         },
         start_macro: when(&profile.macros.start),
-        end_macro: when(&profile.macros.end),
-        pause_macro: lines(&profile.macros.pause),
+        end_macro: if around { end(profile) } else { Vec::new() },
+        pause_macro: pause(profile),
         resume: resume(profile),
         e_modes: match profile.firmware {
             Firmware::Marlin => EModes::WithAxes,
@@ -57,13 +59,76 @@ pub(crate) fn of(profile: &Profile, around: bool) -> HostSettings {
                 EModes::Alone
             }
         },
+        resets_when_halted: profile.msla().is_some_and(|msla| !msla.light.off_when_halted),
         pause_cooling: None,
         waits_for_person: false,
     }
 }
 
+/// A plate is raised clear of the vat where the profile says nothing of a pause.
+fn pause(profile: &Profile) -> Vec<String> {
+    match profile.msla() {
+        Some(msla) if profile.macros.pause.lines().next().is_none() => {
+            let up = format!("G1 Z{} F{}", msla.plate.clear_mm.0, msla.plate.lift.fast_mm_min.0);
+            ["G91", &up, "G90", "M400"].map(str::to_owned).to_vec()
+        }
+        _ => lines(&profile.macros.pause),
+    }
+}
+
+/// A finished part is raised to the top where the profile says nothing of the end.
+fn end(profile: &Profile) -> Vec<String> {
+    match profile.msla() {
+        Some(msla) if profile.macros.end.lines().next().is_none() => {
+            let up = format!("G1 Z{} F{}", profile.bed.z_mm.0, msla.plate.max_mm_min.0);
+            ["G90", &up, "M400"].map(str::to_owned).to_vec()
+        }
+        _ => lines(&profile.macros.end),
+    }
+}
+
+/// How a resin printer is told.
+pub(crate) fn script_rules(msla: &Msla) -> script::Rules {
+    let timing = match (msla.light.timed_by, &msla.light.pulse) {
+        (TimedBy::Host, _) => script::Timing::Host,
+        (TimedBy::Controller, Some(_)) => script::Timing::Pulse,
+        (TimedBy::Controller, None) => script::Timing::Controller,
+    };
+    let check = |before: &Before| {
+        let (send, wants) = before.send.clone().zip(before.wants.clone())?;
+        Some(script::Check { what: before.what.clone(), send, wants })
+    };
+    script::Rules {
+        timing,
+        on: lines(&msla.light.on),
+        off: lines(&msla.light.off),
+        pulse: msla.light.pulse.as_ref().map(lines).unwrap_or_default(),
+        dwell: lines(&msla.light.dwell).into_iter().next().unwrap_or_default(),
+        lead_ms: msla.lcd.settle_ms,
+        done: lines(&msla.plate.done),
+        home: lines(&msla.plate.home),
+        checks: msla.before.iter().filter_map(check).collect(),
+    }
+}
+
+/// What a person is to see to before a print.
+pub(crate) fn asks(profile: &Profile) -> Vec<&str> {
+    let before = profile.msla().map(|msla| msla.before.as_slice()).unwrap_or_default();
+    before.iter().filter(|one| one.send.is_none()).map(|one| one.what.as_str()).collect()
+}
+
 /// A profile that says nothing of resuming refuses it, by the rules' default.
 fn resume(profile: &Profile) -> ResumeRules {
+    if let Some(msla) = profile.msla() {
+        let plate = PlateRules {
+            homes_up: msla.plate.homes == Homes::Up,
+            home: lines(&msla.plate.home),
+            top_mm: profile.bed.z_mm.0,
+            light_off: lines(&msla.light.off),
+            raise_mm: msla.plate.clear_mm.0,
+        };
+        return ResumeRules { plate: Some(plate), ..ResumeRules::default() };
+    }
     let Some(said) = &profile.resume else { return ResumeRules::default() };
     ResumeRules {
         homes_xy_alone: said.homes_xy_alone,

@@ -10,7 +10,7 @@ use crate::printer::find::{Places, Rate, Wanted, connect};
 use crate::printer::port::OpenMode;
 use crate::printer::session::{Outcome, Safety};
 use crate::printer::source::{JobLine, Source, SourceError};
-use crate::profile::load_printer;
+use crate::profile::{Profile, load_printer};
 use crate::profile::printer::HardStop;
 use crate::station::{Job, settings};
 use anyhow::bail;
@@ -63,7 +63,7 @@ pub(super) fn make_safe(store: &Store, id: JobId) -> anyhow::Result<Done> {
         let letters = letters()?;
         let begin = Begin::MakeSafe { log: Box::new(held.journal.log().clone()) };
         let scribe = Scribe::start(held, letters.post.clone())?;
-        let mut host = Host::new(settings::of(&profile, false), lines(&log), &begin, 0);
+        let mut host = Host::new(settings::of(&profile, false), lines(&log, &profile), &begin, 0);
         let wires = Wires {
             port: connection.port,
             hard_stop: profile.serial.hard_stop() == HardStop::Dtr,
@@ -88,9 +88,9 @@ pub(super) fn make_safe(store: &Store, id: JobId) -> anyhow::Result<Done> {
 }
 
 /// The job's lines, where its file is still the same: they tell how high the nozzle is.
-fn lines(log: &Log) -> Lines<impl Source> {
-    let job = Job::again(&log.accepted).ok();
-    Lines(job.and_then(|job| job.lines(Rc::default()).ok()))
+fn lines(log: &Log, profile: &Profile) -> Lines<impl Source + use<>> {
+    let job = Job::again(&log.accepted, profile).ok();
+    Lines(job.and_then(|job| job.lines(Rc::default(), None).ok()))
 }
 
 /// Lines of a file that may be gone.

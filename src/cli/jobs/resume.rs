@@ -14,8 +14,9 @@ use crate::job::state::State;
 use crate::printer::find::{Places, Wanted, connect};
 use crate::printer::port::OpenMode;
 use crate::profile::{Profile, load_printer};
-use crate::station::{Job, lasting_port};
+use crate::station::{Job, display, lasting_port};
 use anyhow::{Context, bail};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -38,6 +39,9 @@ pub(super) struct Args {
     /// in its place, and nothing stands in the way of the nozzle.
     #[arg(long)]
     yes_part_and_nozzle_are_clear: bool,
+    /// Of a resin job: show the pictures in this folder of PNGs instead of on the profile's display.
+    #[arg(long, value_name = "DIR")]
+    lcd_folder: Option<PathBuf>,
     /// Do not send the profile's end macro after the file.
     #[arg(long)]
     no_macros: bool,
@@ -62,10 +66,10 @@ pub(super) fn run(store: Option<&Store>, args: &Args) -> anyhow::Result<ExitCode
     let held = hold(store, id)?;
     let log = held.journal.log().clone();
     refuse_over(id, &log)?;
-    let job = Job::again(&log.accepted)
-        .with_context(|| format!("job {id} cannot be resumed; `outrigger jobs forget {id}` gives it up"))?;
     let profile = load_printer(&log.accepted.profile)
         .with_context(|| format!("job {id} was printed with a profile that is not to be had now"))?;
+    let job = Job::again(&log.accepted, &profile)
+        .with_context(|| format!("job {id} cannot be resumed; `outrigger jobs forget {id}` gives it up"))?;
     say(&format!("job {id}: {}, {}", job.accepted.path.display(), how_far(&log)));
     resume(store, held, &log, job, &profile, args)
 }
@@ -118,6 +122,7 @@ fn resume(
     let wanted: Wanted = args.port.as_ref().unwrap_or(device).parse()?;
     let rate = rate(args.baud, *baud);
     let begin = Begin::TakeOver { log: Box::new(log.clone()) };
+    let sink = profile.msla().map(|msla| display::open(msla, args.lcd_folder.as_deref())).transpose()?;
     runtime()?.block_on(async {
         let letters = letters()?;
         // Boards that opening resets say `start`; that is heard by the host.
@@ -146,6 +151,7 @@ fn resume(
             person,
             verbose: args.verbose,
             speed: 1.0,
+            sink,
         };
         print(printing, letters, listening.hint()).await?;
         Ok(ExitCode::SUCCESS)

@@ -170,6 +170,25 @@ proptest! {
         prop_assert_eq!(read_back(&bytes, scanned), (bytes, None));
     }
 
+    /// It reads the same wherever one begins, and as if it were plain bytes.
+    #[test]
+    fn a_file_reads_the_same_anywhere(
+        len in 0..300_000usize,
+        steps in prop::collection::vec((0..400_000u64, 0..90_000usize), 1..12),
+    ) {
+        let bytes: Vec<u8> = (0..len).map(|n| (n / 3) as u8).collect();
+        let mut verified = Verified::new(std::io::Cursor::new(&bytes), sums(&bytes));
+        let mut plain = std::io::Cursor::new(&bytes);
+        for (to, want) in steps {
+            let to = std::io::SeekFrom::Start(to);
+            prop_assert_eq!(verified.seek(to).unwrap(), plain.seek(to).unwrap());
+            let (mut got, mut expect) = (Vec::new(), Vec::new());
+            (&mut verified).take(want as u64).read_to_end(&mut got).unwrap();
+            (&mut plain).take(want as u64).read_to_end(&mut expect).unwrap();
+            prop_assert!(got == expect, "{} bytes at {:?}", want, to);
+        }
+    }
+
     /// Of a file that changed no byte comes through from the first changed one on.
     #[test]
     fn no_changed_byte_comes_through(len in 1..300_000usize, at: prop::sample::Index, cut: bool) {

@@ -36,6 +36,14 @@ impl<S: Source> Host<S> {
     pub(super) fn ended(&mut self, outcome: &Outcome, _now_ms: u64) {
         self.over = Some(outcome.clone());
         self.gate = None;
+        let halted = match outcome {
+            Outcome::Finished => false,
+            Outcome::Stopped { ending, .. } => matches!(
+                ending,
+                Ending::EmergencyStop | Ending::Failed(Failure::Fatal { .. })
+            ),
+        };
+        self.resets = halted && self.settings.resets_when_halted;
         match outcome {
             Outcome::Finished => {
                 self.happen(Happening::Ended);

@@ -16,7 +16,9 @@ use crate::printer::session::{Ending, Event, Outcome, Safety};
 use crate::profile::printer::HardStop;
 use crate::server::model::{Level, Link, Progress, Question};
 use crate::station::marks::{Facts, Marks};
-use crate::station::{cases, news, now_unix_s, pace, settings};
+use crate::station::job::Display;
+use crate::station::plate::Exposures;
+use crate::station::{cases, display, news, now_unix_s, pace, settings};
 use anyhow::Context;
 use std::cell::RefCell;
 use std::pin::pin;
@@ -95,8 +97,10 @@ async fn try_print(
 ) -> anyhow::Result<Done> {
     let profile = &actor.profile;
     let marks = Rc::new(RefCell::new(Marks::default()));
-    let lines = print.job.lines(Rc::clone(&marks)).context("the file cannot be read again")?;
     let (post, mail) = mailbox();
+    let measured = Rc::new(RefCell::new(Exposures::default()));
+    let display = display(actor, &post, &measured)?.filter(|_| print.job.is_resin());
+    let lines = print.job.lines(Rc::clone(&marks), display).context("the file cannot be read again")?;
     let mut held = print.held;
     held.journal.append(&Record::Opened {
         port: actor.board.picture().device.unwrap_or_else(|| connection.port.path().to_owned()),
@@ -163,6 +167,9 @@ async fn try_print(
             }
         }
     };
+    if let Some(words) = measured.borrow().words() {
+        actor.board.message(now_unix_s(), Level::Info, words);
+    }
     let in_order = matches!(
         end,
         End::Over(
@@ -173,6 +180,24 @@ async fn try_print(
     let kept = kept.map(|port| Box::new(Connection { port, identity, firmware, awake: true }));
     let next = if leaves { Next::Leave } else { Next::Stay(kept) };
     Ok(Done { end, state: host.state(), next })
+}
+
+/// Where the pictures of a resin job go.
+fn display(
+    actor: &Actor,
+    post: &mpsc::Sender<Mail>,
+    measured: &Rc<RefCell<Exposures>>,
+) -> anyhow::Result<Option<Display>> {
+    let Some(msla) = actor.profile.msla() else { return Ok(None) };
+    let sink = display::open(msla, None)?;
+    let post = post.clone();
+    Ok(Some(Display {
+        sink,
+        // Whoever is gone wants no word.
+        wake: Box::new(move || _ = post.blocking_send(Mail::Look)),
+        speed: actor.speed,
+        measured: Rc::clone(measured),
+    }))
 }
 
 /// A job that does not move needs no parking.

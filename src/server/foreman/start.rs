@@ -7,6 +7,7 @@ use crate::causes;
 use crate::job::disk::{Store, StoreError};
 use crate::job::host::Begin;
 use crate::job::state::State;
+use crate::profile::load_printer;
 use crate::server::actor::Print;
 use crate::server::model::{GivenUp, Job, Printed, Stage};
 use crate::station::{Folder, Job as Checked, lasting_name, now_unix_s};
@@ -43,9 +44,9 @@ pub(super) fn fresh(foreman: &mut Foreman, id: &str) {
         let passing = |why: anyhow::Error| NotReady { words: causes::line(&why), for_good: false };
         let last = |why: anyhow::Error| NotReady { words: causes::line(&why), for_good: true };
         let folder = Folder::open(Some(&store)).map_err(|e| passing(e.into()))?;
-        let loaded = crate::profile::load_printer(&profile).map_err(|e| last(e.into()))?;
+        let loaded = load_printer(&profile).map_err(|e| last(e.into()))?;
         let name = lasting_name(&profile).map_err(last)?;
-        let checked = Checked::open(&path, &loaded, &name, Some(&folder.store)).map_err(last)?;
+        let checked = Checked::open(&path, &loaded, &name, Some(&folder.store), |_, _| {}).map_err(last)?;
         // Whoever wanted the start has seen to the bed.
         folder.clear_bed(&device, true).map_err(passing)?;
         let held = folder.store.accept(&checked.accepted).map_err(|e| passing(e.into()))?;
@@ -72,7 +73,8 @@ pub(super) fn resume(foreman: &mut Foreman, id: &str) -> Result<(), Refusal> {
         let store = Folder::open(Some(&store)).map_err(|e| passing(e.into()))?.store;
         let held = store.hold_job(record).map_err(|e| passing(e.into()))?;
         let log = held.journal.log().clone();
-        let checked = Checked::again(&log.accepted).map_err(passing)?;
+        let profile = load_printer(&log.accepted.profile).map_err(|e| passing(e.into()))?;
+        let checked = Checked::again(&log.accepted, &profile).map_err(passing)?;
         let begin = Begin::AfterReset { log: Box::new(log), confirmed: false };
         Ok(Box::new(Print { id: job.id, name: job.name, job: checked, held, begin }))
     });
@@ -204,7 +206,7 @@ pub(super) fn taken_up(foreman: &mut Foreman, printer: &str) -> Option<Box<Print
     let taken = || -> anyhow::Result<Box<Print>> {
         let held = store.hold_job(record)?;
         let log = held.journal.log().clone();
-        let checked = Checked::again(&log.accepted)?;
+        let checked = Checked::again(&log.accepted, &load_printer(&log.accepted.profile)?)?;
         let begin = Begin::TakeOver { log: Box::new(log) };
         Ok(Box::new(Print { id: job.id.clone(), name: job.name.clone(), job: checked, held, begin }))
     };
