@@ -16,6 +16,7 @@ use anyhow::{Context, bail};
 use std::cell::RefCell;
 use std::fs::{File, Metadata};
 use std::io::{Read, Seek, SeekFrom};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -114,7 +115,7 @@ impl Job {
         std::io::copy(&mut scan, &mut std::io::sink())?;
         let sums = scan.finish()?;
         // From here on no byte is read but those that were summed up.
-        let mut pictures = resin::open(Verified::new(file.try_clone()?, sums.clone()))?;
+        let mut pictures = resin::open(Verified::new(Own::new(&file)?, sums.clone()))?;
         let told = told(&pictures, profile)?;
         let layers = told.script.layers();
         look(&mut pictures, |done| watch(done, layers))?;
@@ -165,10 +166,8 @@ impl Job {
         Ok(job)
     }
 
-    fn verified(&self) -> anyhow::Result<Verified<File>> {
-        let mut file = self.file.try_clone()?;
-        file.seek(SeekFrom::Start(0))?;
-        Ok(Verified::new(file, self.accepted.sums()))
+    fn verified(&self) -> std::io::Result<Verified<Own>> {
+        Ok(Verified::new(Own::new(&self.file)?, self.accepted.sums()))
     }
 
     /// Whether it is a resin job: somebody must show its pictures.
@@ -262,9 +261,42 @@ pub(crate) enum Lines {
     Plate(Box<Plate>),
 }
 
+/// A file that is read from its beginning, wherever others who have it open stand.
+#[derive(Debug)]
+pub(crate) struct Own {
+    file: File,
+    at: u64,
+}
+
+impl Own {
+    fn new(file: &File) -> std::io::Result<Self> {
+        Ok(Self { file: file.try_clone()?, at: 0 })
+    }
+}
+
+impl Read for Own {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let len = self.file.read_at(buffer, self.at)?;
+        self.at += len as u64;
+        Ok(len)
+    }
+}
+
+impl Seek for Own {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        let at = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::End(by) => self.file.metadata()?.len().checked_add_signed(by),
+            SeekFrom::Current(by) => self.at.checked_add_signed(by),
+        };
+        self.at = at.ok_or_else(|| std::io::Error::from(std::io::ErrorKind::InvalidInput))?;
+        Ok(self.at)
+    }
+}
+
 /// Lines that know their layer.
 pub(crate) struct Marked {
-    reader: Reader<Verified<File>, See>,
+    reader: Reader<Verified<Own>, See>,
     marks: Rc<RefCell<Marks>>,
 }
 
