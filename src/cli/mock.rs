@@ -194,7 +194,8 @@ pub(crate) fn machine(profile: &Profile) -> Machine {
 
 /// Its plate is Z; what else the mock has of a machine stands still and cold.
 fn of_resin(profile: &Profile, msla: &Msla) -> Machine {
-    let cutter = msla.light.on.lines().any(|line| ["M3", "M4"].contains(&line.split(' ').next().unwrap_or_default()));
+    let cutter =
+        msla.light.on.lines().any(|line| ["M3", "M4"].contains(&line.split(' ').next().unwrap_or_default()));
     let own = Machine::resin(mock::ResinMachine {
         homes_up: msla.plate.homes == Homes::Up,
         z_max_mm: profile.bed.z_mm.0,

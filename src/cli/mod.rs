@@ -10,6 +10,7 @@ mod files;
 mod guard;
 mod interrupt;
 mod jobs;
+mod light_watch;
 mod material;
 mod mock;
 mod model;
@@ -54,6 +55,7 @@ enum Verb {
     Console(console::Args),
     Mock(mock::Args),
     Guard(guard::Args),
+    LightWatch(light_watch::Args),
     Profile(profile::Args),
 }
 
@@ -79,6 +81,7 @@ pub fn main() -> ExitCode {
         Verb::Console(args) => console::run(&args),
         Verb::Mock(args) => mock::run(args),
         Verb::Guard(args) => guard::run(&args),
+        Verb::LightWatch(args) => light_watch::run(&args),
         Verb::Profile(args) => profile::run(args),
     };
     match done {

@@ -27,9 +27,10 @@ use crate::printer::mock;
 use crate::printer::port::OpenMode;
 use crate::profile::printer::HardStop;
 use crate::profile::{Msla, Profile, load_printer};
-use crate::station::marks::Marks;
 use crate::station::job::Display;
+use crate::station::marks::Marks;
 use crate::station::plate::Exposures;
+use crate::station::watchdog::LightWatch;
 use crate::station::{Folder, Job, display, lasting_name, lasting_port, now_unix_s, settings};
 use anyhow::Context;
 use keys::Keys;
@@ -301,8 +302,11 @@ pub(super) async fn print(
     let marks = Rc::new(RefCell::new(Marks::default()));
     let measured = Rc::new(RefCell::new(Exposures::default()));
     let post = letters.post.clone();
+    let watch = LightWatch::default();
+    let on_port = printing.sink.is_some().then(|| watch.on_port(profile));
     let display = printing.sink.map(|sink| Display {
         sink,
+        watch,
         // Whoever is gone wants no word.
         wake: Box::new(move || _ = post.blocking_send(Mail::Look)),
         speed: printing.speed,
@@ -338,6 +342,7 @@ pub(super) async fn print(
         scribe,
         mail: letters.mail,
         watcher: &mut show,
+        on_port,
         started,
     };
     let end = run_host(&mut host, wires).await.end;

@@ -374,7 +374,9 @@ impl<S: Source> Host<S> {
         if std::mem::take(&mut self.resets) {
             self.say(match done {
                 true => "the board was reset: its light is off",
-                false => "THE LIGHT MAY BE ON: the firmware halted, and nothing resets the board; switch it off",
+                false => {
+                    "THE LIGHT MAY BE ON: the firmware halted, and nothing resets the board; switch it off"
+                }
             });
             return;
         }

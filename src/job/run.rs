@@ -92,9 +92,14 @@ pub struct Wires<'a, W> {
     pub mail: mpsc::Receiver<Mail>,
     /// Who watches.
     pub watcher: &'a mut W,
+    /// Is told of the port whenever it was opened, and that it is about to be closed (or is gone).
+    pub on_port: Option<OnPort>,
     /// When the host's clock stood at 0.
     pub started: Instant,
 }
+
+/// Who wants to know which port is open.
+pub type OnPort = Box<dyn FnMut(Option<&Port>)>;
 
 /// How it ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -155,8 +160,11 @@ impl Link {
 /// Dropping the future abandons the job where it is: the caller then tells that
 /// heaters may be on.
 pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>) -> Ended {
-    let Wires { port, hard_stop, identity, scribe, mut mail, watcher, started } = wires;
+    let Wires { port, hard_stop, identity, scribe, mut mail, watcher, mut on_port, started } = wires;
     let baud = port.baud();
+    if let Some(tell) = &mut on_port {
+        tell(Some(&port));
+    }
     let mut link = Link::Open(port);
     let mut run = Run {
         book: Book::new(scribe),
@@ -164,6 +172,7 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
         identity,
         baud,
         watcher,
+        on_port,
         started,
         over_at: None,
         done: None,
@@ -200,10 +209,12 @@ pub async fn run<S: Source, W: Watcher>(host: &mut Host<S>, wires: Wires<'_, W>)
                 Came::Moved(Ok(Moved::Wrote(len))) => host.written(len),
                 Came::Moved(Ok(Moved::Read(len))) => host.on_bytes(&input[..len], now_ms(started)),
                 Came::Moved(Err(e)) => {
+                    run.port_is(None);
                     link = Link::Closed;
                     host.link_lost(e.to_string(), now_ms(started));
                 }
                 Came::Back(port) => {
+                    run.port_is(Some(&port));
                     link = Link::Open(port);
                     host.link_back(now_ms(started));
                 }
@@ -226,6 +237,7 @@ struct Run<'a, W> {
     identity: Identity,
     baud: u32,
     watcher: &'a mut W,
+    on_port: Option<OnPort>,
     started: Instant,
     over_at: Option<Instant>,
     /// The port, when the host is done with it.
@@ -233,6 +245,12 @@ struct Run<'a, W> {
 }
 
 impl<W: Watcher> Run<'_, W> {
+    fn port_is(&mut self, port: Option<&Port>) {
+        if let Some(tell) = &mut self.on_port {
+            tell(port);
+        }
+    }
+
     fn tell<S: Source>(&mut self, host: &mut Host<S>) {
         self.watcher.acknowledged(&host.position());
         while let Some(event) = host.poll_event() {
@@ -276,12 +294,18 @@ impl<W: Watcher> Run<'_, W> {
             }
             PortWish::HardStop => {
                 let done = match link {
-                    Link::Open(port) if self.hard_stop => port.reset_board().await.is_ok(),
+                    Link::Open(port) if self.hard_stop => {
+                        self.port_is(None);
+                        let done = port.reset_board().await.is_ok();
+                        self.port_is(Some(port));
+                        done
+                    }
                     _ => false,
                 };
                 host.hard_stopped(done, now_ms(self.started));
             }
             PortWish::Close => {
+                self.port_is(None);
                 if let Some(port) = std::mem::replace(link, Link::Closed).open() {
                     self.done = Some(port);
                 }

@@ -433,9 +433,7 @@ impl Exposure {
                 }
             }
             Phase::Resting
-                if now_ms >= self.until_ms
-                    && self.screen
-                    && self.durable >= self.script.place().lines =>
+                if now_ms >= self.until_ms && self.screen && self.durable >= self.script.place().lines =>
             {
                 self.phase = Phase::Lifting;
             }

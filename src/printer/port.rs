@@ -20,6 +20,7 @@ mod tests;
 use device::Device;
 use std::future::poll_fn;
 use std::io;
+use std::os::fd::OwnedFd;
 use std::task::{Context, Poll};
 use std::time::Duration;
 use thiserror::Error;
@@ -212,6 +213,18 @@ impl Port {
     /// Whether there is a line that could reset the board: not on a pseudo-terminal.
     pub fn has_dtr(&self) -> bool {
         self.device.as_ref().is_some_and(Device::has_dtr)
+    }
+
+    /// Another descriptor of the open device, for a process that must be able to write to it when we are
+    /// dead. It keeps the device open; what it writes comes between our own bytes.
+    ///
+    /// # Errors
+    /// The port is gone, or the system has no descriptor left.
+    pub fn another(&self) -> io::Result<OwnedFd> {
+        match &self.device {
+            Some(device) => device.another(),
+            None => Err(io::ErrorKind::NotConnected.into()),
+        }
     }
 
     /// Lets go of the device, which is gone from then on. A device that vanished and

@@ -4,6 +4,7 @@ use super::plate::{Exposures, Plate};
 use super::resin::{Told, look, told};
 use super::screen::Screen;
 use super::settings;
+use super::watchdog::LightWatch;
 use crate::job::digest::{Scan, Sums, Verified};
 use crate::job::disk::{Store, stamp};
 use crate::job::record::Accepted;
@@ -41,6 +42,8 @@ pub(crate) struct Job {
 pub(crate) struct Display {
     /// Where they go.
     pub(crate) sink: Box<dyn Sink>,
+    /// Who switches the light off when we are dead.
+    pub(crate) watch: LightWatch,
     /// Called whenever one is ready or shown, from another thread.
     pub(crate) wake: Box<dyn Fn() + Send>,
     /// How many times faster than life the printer is: 1 but for a mock.
@@ -159,7 +162,9 @@ impl Job {
         if profile.msla().is_some() {
             let told = told(&resin::open(job.verified()?)?, profile)?;
             if checked(&told).commands != accepted.commands {
-                bail!("the printer's profile was changed since, and what was written down of the job no longer fits");
+                bail!(
+                    "the printer's profile was changed since, and what was written down of the job no longer fits"
+                );
             }
             (job.facts, job.resin) = (facts(&told), Some(told));
         }
@@ -182,9 +187,9 @@ impl Job {
     /// The file cannot be read from its beginning.
     pub(crate) fn lines(&self, marks: Rc<RefCell<Marks>>, display: Option<Display>) -> anyhow::Result<Lines> {
         if let Some(told) = &self.resin {
-            let (speed, measured) = match &display {
-                Some(display) => (display.speed, Rc::clone(&display.measured)),
-                None => (1.0, Rc::default()),
+            let (speed, measured, watch) = match &display {
+                Some(display) => (display.speed, Rc::clone(&display.measured), display.watch.clone()),
+                None => (1.0, Rc::default(), LightWatch::default()),
             };
             let screen = match display {
                 Some(display) => {
@@ -193,7 +198,7 @@ impl Job {
                 None => None,
             };
             let begins_s = told.begins_s.as_slice().into();
-            let plate = Plate::new(told.script.clone(), screen, speed, measured, marks, begins_s);
+            let plate = Plate::new(told.script.clone(), screen, watch, speed, measured, marks, begins_s);
             return Ok(Lines::Plate(Box::new(plate)));
         }
         let read_marks = Rc::clone(&marks);

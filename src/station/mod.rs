@@ -10,6 +10,7 @@
 //! - [`resin`]: what a resin job becomes on a printer · [`screen`]: a thread that shows its pictures ·
 //!   [`plate`]: its lines, and what they wait for · [`display`]: where pictures go
 //! - [`settings`]: what a host needs of a profile
+//! - [`watchdog`]: who switches a light off when we are dead
 //! - [`folder`]: no job is printed over another's part · [`guardian`]: who acts when we are dead
 //! - [`news`], [`cases`], [`escape`]: what happens, in plain words
 pub(crate) mod cases;
@@ -25,6 +26,7 @@ pub(crate) mod plate;
 pub(crate) mod resin;
 pub(crate) mod screen;
 pub(crate) mod settings;
+pub(crate) mod watchdog;
 
 pub(crate) use folder::{Folder, lasting_name, lasting_port};
 pub(crate) use job::{Job, now_unix_s};

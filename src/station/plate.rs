@@ -5,15 +5,17 @@
 //! only tells where the lines lead.
 use super::marks::Marks;
 use super::screen::{Did, Screen};
-use crate::printer::exposure::script::Script;
+use super::watchdog::{Keeper, LightWatch};
+use crate::printer::exposure::script::{Script, Step, Timing};
 use crate::printer::exposure::{Event, Exposure, Order, Phase};
 use crate::printer::source::{Back, JobLine, May, News, Source, SourceError};
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// Longer than its time by this share the light is on in no case that we know of.
-const LIGHT_MARGIN: f64 = 0.05;
+/// The light is switched off by the watchdog when it was on for longer than its time by this share: some
+/// time before the 5 % that it may be.
+const WATCH_MARGIN: f64 = 0.03;
 
 /// How the exposures went, by when the printer acknowledged light on and light off.
 ///
@@ -60,6 +62,9 @@ impl Exposures {
 pub(crate) struct Plate {
     machine: Exposure,
     screen: Option<Screen>,
+    watch: LightWatch,
+    /// The watchdog knows that the light may be on.
+    watched: bool,
     orders: Vec<Order>,
     failed: Option<String>,
     /// How many times faster than life the printer is: 1 but for a mock.
@@ -78,6 +83,7 @@ impl Plate {
     pub(crate) fn new(
         script: Script,
         screen: Option<Screen>,
+        watch: LightWatch,
         speed: f64,
         measured: Rc<RefCell<Exposures>>,
         marks: Rc<RefCell<Marks>>,
@@ -89,6 +95,8 @@ impl Plate {
         Self {
             machine: Exposure::new(script),
             screen,
+            watch,
+            watched: false,
             orders: Vec::new(),
             failed: None,
             speed,
@@ -103,24 +111,39 @@ impl Plate {
     fn on(&mut self, event: Event<'_>, now_ms: u64) {
         self.machine.on(event, now_ms, &mut self.orders);
         self.measured.borrow_mut().lost_words = self.machine.lost_words();
-        self.lit_until();
+        self.lit();
         if let Some(screen) = &self.screen {
             self.orders.drain(..).for_each(|order| screen.tell(order));
         }
         self.orders.clear();
     }
 
-    /// Until when the picture must stay, whatever happens to us.
-    fn lit_until(&mut self) {
+    /// Until when the picture must stay, and when the light is to be switched off, whatever happens
+    /// to us.
+    fn lit(&mut self) {
         let Some(screen) = &mut self.screen else { return };
-        if self.machine.phase() != Phase::Exposing {
-            screen.lit_until = None;
-        } else if screen.lit_until.is_none() {
-            let script = self.machine.script();
-            let exposure_s = f64::from(script.exposure_ms()) * (1.0 + LIGHT_MARGIN);
-            let all_s = (exposure_s + f64::from(script.lead_ms())) / 1e3 / self.speed;
-            screen.lit_until = Some(Instant::now() + Duration::from_secs_f64(all_s));
+        // From the first of its lines on.
+        let place = self.machine.script().place();
+        let begun = place.step != Step::Expose || !place.first;
+        let lit = self.machine.phase() == Phase::Exposing && begun;
+        if lit == self.watched {
+            return;
         }
+        self.watched = lit;
+        if !lit {
+            screen.lit_until = None;
+            return self.watch.dark();
+        }
+        let script = self.machine.script();
+        let exposure_s = f64::from(script.exposure_ms()) * (1.0 + WATCH_MARGIN);
+        let most_s = (exposure_s + f64::from(script.lead_ms())) / 1e3 / self.speed;
+        let most = Duration::from_secs_f64(most_s);
+        screen.lit_until = Some(Instant::now() + most);
+        let keeper = match script.timing() {
+            Timing::Host => Keeper::Host,
+            Timing::Controller | Timing::Pulse => Keeper::Controller,
+        };
+        self.watch.lit(most, keeper);
     }
 
     /// What the screen has done.
@@ -140,6 +163,10 @@ impl Plate {
         let Some([on, off]) = script.lit_between() else { return };
         if line == on {
             self.lit = Some(Instant::now());
+            if script.timing() == Timing::Host {
+                let most_s = f64::from(script.exposure_ms()) / 1e3 * (1.0 + WATCH_MARGIN) / self.speed;
+                self.watch.lit(Duration::from_secs_f64(most_s), Keeper::Host);
+            }
         }
         if line == off
             && let Some(lit) = self.lit.take()
@@ -164,7 +191,7 @@ impl Source for Plate {
             return Ok(false);
         }
         let begins = place.layer == 0 && place.lines == 0 || place.layer > 0 && place.first;
-        if begins && place.step == crate::printer::exposure::script::Step::Lower || place.lines == 0 {
+        if begins && place.step == Step::Lower || place.lines == 0 {
             let mut marks = self.marks.borrow_mut();
             marks.see(place.lines + 1, b";LAYER_CHANGE");
             let begins_s = self.begins_s.get(place.layer as usize).copied().unwrap_or_default();

@@ -5,8 +5,8 @@ use crate::job::tracker::EModes;
 use crate::printer::exposure::script;
 use crate::printer::session::{DEFAULT_BOOT_WAIT_MS, Settings};
 use crate::printer::window::Limit;
-use crate::profile::printer::{Firmware, Window};
 use crate::profile::msla::{Before, Homes, TimedBy};
+use crate::profile::printer::{Firmware, Window};
 use crate::profile::{Macro, Msla, Profile};
 use outrigger_gcode::checksum::sendable;
 
@@ -147,7 +147,7 @@ fn resume(profile: &Profile) -> ResumeRules {
 }
 
 /// The commands of a macro, as they are sent.
-fn lines(text: &Macro) -> Vec<String> {
+pub(crate) fn lines(text: &Macro) -> Vec<String> {
     let mut scratch = Vec::new();
     let line = |l: &str| {
         sendable(l.as_bytes(), &mut scratch).map(|command| String::from_utf8_lossy(command).into_owned())

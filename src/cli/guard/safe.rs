@@ -10,8 +10,8 @@ use crate::printer::find::{Places, Rate, Wanted, connect};
 use crate::printer::port::OpenMode;
 use crate::printer::session::{Outcome, Safety};
 use crate::printer::source::{JobLine, Source, SourceError};
-use crate::profile::{Profile, load_printer};
 use crate::profile::printer::HardStop;
+use crate::profile::{Profile, load_printer};
 use crate::station::{Job, settings};
 use anyhow::bail;
 use std::rc::Rc;
@@ -71,6 +71,7 @@ pub(super) fn make_safe(store: &Store, id: JobId) -> anyhow::Result<Done> {
             scribe: Some(scribe),
             mail: letters.mail,
             watcher: &mut Nobody,
+            on_port: None,
             started,
         };
         let Ok(ended) = tokio::time::timeout(LONGEST, run(&mut host, wires)).await else {

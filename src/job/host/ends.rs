@@ -38,10 +38,9 @@ impl<S: Source> Host<S> {
         self.gate = None;
         let halted = match outcome {
             Outcome::Finished => false,
-            Outcome::Stopped { ending, .. } => matches!(
-                ending,
-                Ending::EmergencyStop | Ending::Failed(Failure::Fatal { .. })
-            ),
+            Outcome::Stopped { ending, .. } => {
+                matches!(ending, Ending::EmergencyStop | Ending::Failed(Failure::Fatal { .. }))
+            }
         };
         self.resets = halted && self.settings.resets_when_halted;
         match outcome {

@@ -3,8 +3,8 @@
 //! Takes what the user or the printer wants, gives the session lines of ours. What the
 //! tracker knows is made good by what the printer reports (M114).
 use super::{Doing, Happening, Host};
-use crate::job::state::{Decision, State, next};
 use crate::job::recover::lower_again;
+use crate::job::state::{Decision, State, next};
 use crate::job::tracker::{Tracker, unpark};
 use crate::printer::source::Source;
 

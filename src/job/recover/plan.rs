@@ -90,7 +90,14 @@ pub fn plan(walked: &Walked, z_mm: f64, rules: &ResumeRules) -> Plan {
     let mut last = vec![format!("G0 Z{} F{}", number(at(2)), number(RAISE_MM_MIN))];
     last.extend(as_in_the_file(want));
     step(format!("go down to Z {} and go on", number(at(2))), last, ZDuring::MovesTo(at(2)));
-    Plan { steps, after: walked.after, line: walked.last.0, most_twice: rules.most_twice(), z_mm, of_plate: false }
+    Plan {
+        steps,
+        after: walked.after,
+        line: walked.last.0,
+        most_twice: rules.most_twice(),
+        z_mm,
+        of_plate: false,
+    }
 }
 
 fn or(lines: &[String], default: &str) -> Vec<String> {

@@ -55,7 +55,8 @@ impl Play {
     /// Takes all lines that may go.
     fn feed(&mut self) -> Vec<String> {
         let mut fed = Vec::new();
-        while self.machine.may() != May::Wait && self.machine.script().place().layer < self.machine.script().layers()
+        while self.machine.may() != May::Wait
+            && self.machine.script().place().layer < self.machine.script().layers()
         {
             self.on(Event::Taken);
             fed.push(self.machine.script().line().to_owned());

@@ -78,6 +78,11 @@ impl Device {
         Ok(device)
     }
 
+    /// A second descriptor of the same opening, which shares its lock.
+    pub(super) fn another(&self) -> io::Result<OwnedFd> {
+        self.data.as_fd().try_clone_to_owned()
+    }
+
     pub(super) fn has_dtr(&self) -> bool {
         self.has_dtr
     }

@@ -15,9 +15,10 @@ use crate::printer::job_file::Checked;
 use crate::printer::session::{Ending, Event, Outcome, Safety};
 use crate::profile::printer::HardStop;
 use crate::server::model::{Level, Link, Progress, Question};
-use crate::station::marks::{Facts, Marks};
 use crate::station::job::Display;
+use crate::station::marks::{Facts, Marks};
 use crate::station::plate::Exposures;
+use crate::station::watchdog::LightWatch;
 use crate::station::{cases, display, news, now_unix_s, pace, settings};
 use anyhow::Context;
 use std::cell::RefCell;
@@ -99,7 +100,9 @@ async fn try_print(
     let marks = Rc::new(RefCell::new(Marks::default()));
     let (post, mail) = mailbox();
     let measured = Rc::new(RefCell::new(Exposures::default()));
-    let display = display(actor, &post, &measured)?.filter(|_| print.job.is_resin());
+    let watch = LightWatch::default();
+    let on_port = print.job.is_resin().then(|| watch.on_port(profile));
+    let display = display(actor, &post, &measured, watch)?.filter(|_| print.job.is_resin());
     let lines = print.job.lines(Rc::clone(&marks), display).context("the file cannot be read again")?;
     let mut held = print.held;
     held.journal.append(&Record::Opened {
@@ -135,6 +138,7 @@ async fn try_print(
         scribe: Some(scribe),
         mail,
         watcher: &mut eye,
+        on_port,
         started,
     };
     let mut leaves = false;
@@ -187,12 +191,14 @@ fn display(
     actor: &Actor,
     post: &mpsc::Sender<Mail>,
     measured: &Rc<RefCell<Exposures>>,
+    watch: LightWatch,
 ) -> anyhow::Result<Option<Display>> {
     let Some(msla) = actor.profile.msla() else { return Ok(None) };
     let sink = display::open(msla, None)?;
     let post = post.clone();
     Ok(Some(Display {
         sink,
+        watch,
         // Whoever is gone wants no word.
         wake: Box::new(move || _ = post.blocking_send(Mail::Look)),
         speed: actor.speed,
