@@ -25,11 +25,13 @@ use crate::printer::lcd::Sink;
 use crate::printer::lcd::recorder::Recorder;
 use crate::printer::mock;
 use crate::printer::port::OpenMode;
+use crate::profile::msla::TimedBy;
 use crate::profile::printer::HardStop;
 use crate::profile::{Msla, Profile, load_printer};
 use crate::station::job::Display;
 use crate::station::marks::Marks;
 use crate::station::plate::Exposures;
+use crate::station::realtime::first_in_line;
 use crate::station::watchdog::LightWatch;
 use crate::station::{Folder, Job, display, lasting_name, lasting_port, now_unix_s, settings};
 use anyhow::Context;
@@ -302,6 +304,13 @@ pub(super) async fn print(
     let marks = Rc::new(RefCell::new(Marks::default()));
     let measured = Rc::new(RefCell::new(Exposures::default()));
     let post = letters.post.clone();
+    if job.is_resin() && !first_in_line() && profile.msla().is_some_and(|m| m.light.timed_by == TimedBy::Host)
+    {
+        eprintln!(
+            "outrigger: warning: the system allows no real-time priority (RLIMIT_RTPRIO), and this printer's \
+             exposures are timed from here: a busy machine makes them longer by some ms"
+        );
+    }
     let watch = LightWatch::default();
     let on_port = printing.sink.is_some().then(|| watch.on_port(profile));
     let display = printing.sink.map(|sink| Display {

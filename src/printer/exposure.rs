@@ -187,8 +187,11 @@ impl Exposure {
     }
 
     /// Whether a checkpoint is wanted now; told once.
+    ///
+    /// Not before every line is acknowledged that it is to tell of: the printer says a word ahead of the
+    /// `ok` of the line that asked for it.
     pub fn take_note(&mut self) -> bool {
-        std::mem::take(&mut self.notes)
+        self.acked >= self.taken && std::mem::take(&mut self.notes)
     }
 
     /// Whether the next line may go.

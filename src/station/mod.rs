@@ -10,6 +10,7 @@
 //! - [`resin`]: what a resin job becomes on a printer · [`screen`]: a thread that shows its pictures ·
 //!   [`plate`]: its lines, and what they wait for · [`display`]: where pictures go
 //! - [`settings`]: what a host needs of a profile
+//! - [`realtime`]: a thread that must not be late
 //! - [`watchdog`]: who switches a light off when we are dead
 //! - [`folder`]: no job is printed over another's part · [`guardian`]: who acts when we are dead
 //! - [`news`], [`cases`], [`escape`]: what happens, in plain words
@@ -23,6 +24,7 @@ pub(crate) mod marks;
 pub(crate) mod news;
 pub(crate) mod pace;
 pub(crate) mod plate;
+pub(crate) mod realtime;
 pub(crate) mod resin;
 pub(crate) mod screen;
 pub(crate) mod settings;

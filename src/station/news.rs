@@ -95,10 +95,12 @@ pub(crate) fn stopping(ending: &Ending) -> String {
 pub(crate) fn after(safety: Safety) -> &'static str {
     match safety {
         Safety::Untouched => "nothing of it was sent",
-        Safety::Acknowledged => "the printer has run the cancel macro: heaters are off",
+        Safety::Acknowledged => {
+            "the printer has run the cancel macro: heaters are off, and a resin printer's light"
+        }
         Safety::ByFirmware => "the firmware has switched its heaters off",
         Safety::Unknown => {
-            "the printer did not confirm the cancel macro: HEATERS MAY BE ON, switch it off by hand"
+            "the printer did not confirm the cancel macro: HEATERS (or a resin printer's LIGHT) MAY BE ON, switch it off by hand"
         }
     }
 }

@@ -38,8 +38,8 @@ pub(super) fn verdict(
             bail!("{name}: nothing was done to the printer{}", next(id, state))
         }
         End::Quit => bail!(
-            "{name}: quit at once; the printer goes on with what it has, and HEATERS AND MOTORS \
-             STAY AS THEY ARE: switch it off by hand{}",
+            "{name}: quit at once; the printer goes on with what it has, and HEATERS, LIGHT \
+             AND MOTORS STAY AS THEY ARE: switch it off by hand{}",
             next(id, State::Interrupted)
         ),
     }

@@ -18,6 +18,7 @@ use crate::server::model::{Level, Link, Progress, Question};
 use crate::station::job::Display;
 use crate::station::marks::{Facts, Marks};
 use crate::station::plate::Exposures;
+use crate::station::realtime::first_in_line;
 use crate::station::watchdog::LightWatch;
 use crate::station::{cases, display, news, now_unix_s, pace, settings};
 use anyhow::Context;
@@ -100,6 +101,9 @@ async fn try_print(
     let marks = Rc::new(RefCell::new(Marks::default()));
     let (post, mail) = mailbox();
     let measured = Rc::new(RefCell::new(Exposures::default()));
+    if print.job.is_resin() && !first_in_line() {
+        tracing::debug!("no real-time priority: a busy machine makes exposures that are timed here longer");
+    }
     let watch = LightWatch::default();
     let on_port = print.job.is_resin().then(|| watch.on_port(profile));
     let display = display(actor, &post, &measured, watch)?.filter(|_| print.job.is_resin());

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! seconds  number  X Y Z  ran  command
-//! 12.345 17 10.000 20.000 0.200 whole G1 X10 Y20 E1
-//! 12.400 - 10.000 20.000 0.200 broken G1 X50 E3
+//! 12.345678 17 10.000 20.000 0.200 whole G1 X10 Y20 E1
+//! 12.400000 - 10.000 20.000 0.200 broken G1 X50 E3
 //! ```
 //! X, Y and Z say where the nozzle really was at its end, in mm; `-` stands for a line
 //! without a number. Written as it happens, so that a reader can follow.
@@ -44,5 +44,5 @@ fn line(executed: &Executed) -> String {
     let [x, y, z] = executed.at_mm;
     let ran = if executed.whole { "whole" } else { "broken" };
     let seconds = executed.at_ns as f64 / 1e9;
-    format!("{seconds:.3} {number} {x:.3} {y:.3} {z:.3} {ran} {}\n", executed.command)
+    format!("{seconds:.6} {number} {x:.3} {y:.3} {z:.3} {ran} {}\n", executed.command)
 }
