@@ -221,7 +221,7 @@ impl Watcher for Show {
 
     fn planned(&mut self, plan: &Plan) {
         self.say(&cases::plan(plan));
-        self.ask();
+        self.ask(plan.of_plate);
     }
 
     fn acknowledged(&mut self, at: &Checkpoint) {
@@ -238,18 +238,21 @@ impl Watcher for Show {
 
 impl Show {
     /// Nothing moves before a person has said that nothing is in the way.
-    fn ask(&mut self) {
+    fn ask(&mut self, of_plate: bool) {
+        let (clear, so) = match of_plate {
+            true => ("part and plate", "does the part still hang on the plate, and is nothing in the way of both"),
+            false => ("part and nozzle", "is the part still in its place, and nothing in the way of the nozzle"),
+        };
         match self.person {
             Person::Sure => {
                 let sent = self.post.as_ref().map(|post| post.try_send(Mail::Ask(Request::Confirm)));
                 if !matches!(sent, Some(Ok(()))) {
-                    self.say("the word that part and nozzle are clear got lost: say it again");
+                    self.say(&format!("the word that {clear} are clear got lost: say it again"));
                 }
             }
-            Person::Asked | Person::Away => self.say(
-                "is the part still in its place, and nothing in the way of the nozzle? Then press y (or \
-                 write `confirm`); Ctrl-C leaves all as it is",
-            ),
+            Person::Asked | Person::Away => self.say(&format!(
+                "{so}? Then press y (or write `confirm`); Ctrl-C leaves all as it is"
+            )),
         }
     }
 
