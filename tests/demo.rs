@@ -73,7 +73,7 @@ fn a_resin_job_is_mended_printed_and_measured() {
     }
     // What it leaves can be looked at and printed again.
     let here = folder.path().join("here");
-    for name in ["gallows.sl1", "mended.sl1", "printer.toml", "layers.html", "found.json", "supports.json"] {
+    for name in ["lamp.sl1", "mended.sl1", "printer.toml", "layers.html", "found.json", "grown.json"] {
         assert!(here.join(name).is_file(), "{name} of {:?}", names(&here));
     }
     outrigger(&here, ["check", "mended.sl1", "--fail-on", "islands"]).ends(0);

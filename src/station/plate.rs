@@ -5,7 +5,7 @@
 //! only tells where the lines lead.
 use super::marks::Marks;
 use super::screen::{Did, Screen};
-use crate::printer::exposure::script::Script;
+use crate::printer::exposure::script::{Script, Step};
 use crate::printer::exposure::{Event, Exposure, Order, Phase};
 use crate::printer::source::{Back, JobLine, May, News, Source, SourceError};
 use std::cell::RefCell;
@@ -164,7 +164,7 @@ impl Source for Plate {
             return Ok(false);
         }
         let begins = place.layer == 0 && place.lines == 0 || place.layer > 0 && place.first;
-        if begins && place.step == crate::printer::exposure::script::Step::Lower || place.lines == 0 {
+        if begins && place.step == Step::Lower || place.lines == 0 {
             let mut marks = self.marks.borrow_mut();
             marks.see(place.lines + 1, b";LAYER_CHANGE");
             let begins_s = self.begins_s.get(place.layer as usize).copied().unwrap_or_default();
@@ -235,5 +235,13 @@ impl Source for Plate {
 
     fn is_torn(&self) -> bool {
         self.machine.script().is_torn()
+    }
+
+    fn is_unmoved(&self) -> bool {
+        let place = self.machine.script().place();
+        place.layer == 0
+            && (place.lines == 0
+                || matches!(place.step, Step::Check(_))
+                || place.step == Step::Home && place.first)
     }
 }

@@ -94,7 +94,9 @@ impl Compared {
 
     /// Some layers, and the figures of all.
     pub(super) fn table(&self) -> String {
-        let mut out = String::from("   layer   plate, mm          light on, s\n           asked    was       asked      was\n");
+        let mut out = String::from(
+            "   layer   plate, mm          light on, s\n           asked    was       asked      was\n",
+        );
         let last = self.asked.len().saturating_sub(1);
         for (at, (asked, got)) in self.pairs().enumerate() {
             if at >= SHOWN_FIRST && at != last {

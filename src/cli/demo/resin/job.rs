@@ -47,14 +47,14 @@ pub(super) fn sl1() -> anyhow::Result<Vec<u8>> {
     zip.add("prusaslicer.ini", slicer().as_bytes(), Packed::Deflated)?;
     for layer in 0..LAYERS {
         let packed = panel.pack(&picture(layer)).context("the demo's own picture")?;
-        zip.add(&format!("gallows{layer:05}.png"), &packed, Packed::Stored)?;
+        zip.add(&format!("lamp{layer:05}.png"), &packed, Packed::Stored)?;
     }
     Ok(zip.finish()?.into_inner())
 }
 
 fn config() -> String {
     format!(
-        "action = print\nexpTime = {USUAL_S}\nexpTimeFirst = {FIRST_S}\njobDir = gallows\nlayerHeight = {LAYER_MM}\n\
+        "action = print\nexpTime = {USUAL_S}\nexpTimeFirst = {FIRST_S}\njobDir = lamp\nlayerHeight = {LAYER_MM}\n\
          materialName = demo\nnumFade = {FADE}\nnumFast = {LAYERS}\nnumSlow = 0\n"
     )
 }
@@ -71,13 +71,13 @@ fn slicer() -> String {
 
 fn picture(layer: u32) -> Image {
     let [width_px, height_px] = PANEL_PX;
-    let place_mm = |px: u32, sample: u32| {
-        (f64::from(px) + (f64::from(sample) + 0.5) / f64::from(SAMPLES)) * PIXEL_MM
-    };
+    let place_mm =
+        |px: u32, sample: u32| (f64::from(px) + (f64::from(sample) + 0.5) / f64::from(SAMPLES)) * PIXEL_MM;
     let mut pixels = Vec::with_capacity(width_px as usize * height_px as usize);
     for v in 0..height_px {
         for u in 0..width_px {
-            let samples = (0..SAMPLES * SAMPLES).map(|n| (place_mm(u, n % SAMPLES), place_mm(v, n / SAMPLES)));
+            let samples =
+                (0..SAMPLES * SAMPLES).map(|n| (place_mm(u, n % SAMPLES), place_mm(v, n / SAMPLES)));
             let inside = samples.filter(|(x, y)| is_part(*x, *y, layer)).count() as u32;
             // At most 255.
             pixels.push((255 * inside / (SAMPLES * SAMPLES)) as u8);
@@ -91,8 +91,12 @@ fn is_part(x: f64, y: f64, layer: u32) -> bool {
     let within = |x0: f64, x1: f64, y0: f64, y1: f64| (x0..x1).contains(&x) && (y0..y1).contains(&y);
     let post = within(14.0, 16.0, 7.0, 9.0);
     let arm = layer >= ARM && within(14.0, 21.0, 7.0, 9.0);
-    let lamp = (LAMP..ARM).contains(&layer) && within(19.0, 21.0, 7.0, 9.0);
-    post || arm || lamp || is_column(x - 7.0, y - 8.0, layer)
+    post || arm || is_lamp(x - 20.0, y - 8.0, layer) || is_column(x - 7.0, y - 8.0, layer)
+}
+
+/// A bulb that hangs point down: one tip of a support holds most of where it begins.
+fn is_lamp(x: f64, y: f64, layer: u32) -> bool {
+    (LAMP..ARM).contains(&layer) && x.hypot(y) < 0.3 + 0.08 * f64::from(layer - LAMP)
 }
 
 /// A star of five rounded points that turns as it rises.
