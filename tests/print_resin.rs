@@ -11,6 +11,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 /// The panel: small, since pictures are slow to unpack without optimisation.
 const PX: [usize; 2] = [40, 30];
@@ -278,6 +279,7 @@ fn bad_input_is_refused_before_the_plate_moves() {
     check(file("plain.sl1", &whole), &mirrored, &shown, &["top to bottom", "lcd.mirror"]);
     // Printers.
     let low = PROFILE.replace("z_mm = 60", "z_mm = 10");
+    let low = low.replace("top_ms = 0", "top_ms = 0\nclear_mm = 5");
     let tall = |layers: usize| -> Vec<u8> {
         let config = config("2", layers).replace("layerHeight = 0.1", "layerHeight = 1");
         let slicer = slicer(PX, "").replace("height = 0.1", "height = 1");
@@ -288,7 +290,7 @@ fn bad_input_is_refused_before_the_plate_moves() {
         entries.extend((0..layers).map(|layer| (format!("job{layer:05}.png"), picture(layer))));
         archive(&entries)
     };
-    check(file("high.sl1", &tall(11)), &low, &shown, &["11.00 mm high", "reaches 10 mm", "bed.z_mm"]);
+    check(file("high.sl1", &tall(11)), &low, &shown, &["reaches 10 mm", "make the part lower", "bed.z_mm"]);
     check(file("no-room.sl1", &tall(10)), &low, &shown, &["no room for a lift", "reaches 10 mm"]);
     check(file("job.gcode", b"G28\nG1 X1\n"), PROFILE, &shown, &["is a resin printer", "SL1"]);
     check(file("job.sl1", &whole), "generic-marlin", &[], &["prints filament", "msla"]);
@@ -300,6 +302,8 @@ fn bad_input_is_refused_before_the_plate_moves() {
     // What a person sees to.
     let asks = format!("{PROFILE}\n[[before]]\nwhat = \"the vat is full\"\n");
     check(file("asks.sl1", &whole), &asks, &shown, &["the vat is full", "--ready"]);
+    let deaf = asks.replace("is full\"", "is full\"\nsend = \"M115\"\nwants = \"FIRMWARE\"");
+    check(file("deaf.sl1", &whole), &deaf, &shown, &["cannot ask with M115", "M119"]);
     let stats = rig.mock.stats();
     for (count, key) in [(0, "lines_accepted"), (0, "moves"), (0, "light_pulses"), (0, "connects")] {
         assert_eq!(stats[key], count, "{key}: {stats}");
@@ -310,14 +314,14 @@ fn bad_input_is_refused_before_the_plate_moves() {
 fn a_sensor_that_does_not_say_so_keeps_all_still() {
     let asks = |wants: &str| {
         format!(
-            "{PROFILE}\n[[before]]\nwhat = \"the cover is closed\"\nsend = \"M115\"\nwants = \"{wants}\"\n"
+            "{PROFILE}\n[[before]]\nwhat = \"the cover is closed\"\nsend = \"M118 cover: closed\"\nwants = \"{wants}\"\n"
         )
     };
     let rig = Rig::new("200", &asks("NEVER"));
     let out = output(&mut rig.print(&job("2")));
     let said = text(&out.stderr);
     assert_eq!(out.status.code(), Some(1), "{said}");
-    for words in ["nothing was moved", "the cover is closed", "M115", "NEVER"] {
+    for words in ["nothing was moved", "the cover is closed", "M118 cover", "NEVER"] {
         assert!(said.contains(words), "no {words:?} in {said}");
     }
     assert_eq!(rig.mock.record(1)["state"], "failed");
@@ -325,7 +329,7 @@ fn a_sensor_that_does_not_say_so_keeps_all_still() {
     let stats = rig.mock.stats();
     assert_eq!([&stats["moves"], &stats["light_pulses"]], [&Value::from(0); 2], "{stats}");
     // One that says so.
-    let rig = Rig::new("200", &asks("FIRMWARE_NAME"));
+    let rig = Rig::new("200", &asks("cover: closed"));
     let out = output(&mut rig.print(&job("2")));
     assert_eq!(out.status.code(), Some(0), "{}", text(&out.stderr));
     check_light(&rig.mock.stats(), LAYERS as u64, 11.9..12.2);
@@ -364,7 +368,7 @@ fn a_pause_comes_between_layers_and_costs_none() {
     wait_until("the pause", || rig.mock.record(1)["state"] == "paused");
     let count = rig.shown().len();
     assert_eq!(rig.shown()[count - 1].0, "blank", "light goes off, and the display dark, before it pauses");
-    std::thread::sleep(std::time::Duration::from_millis(300));
+    std::thread::sleep(Duration::from_millis(300));
     assert_eq!(rig.shown().len(), count);
     writeln!(words, "resume").unwrap();
     wait_for(&mut child);
@@ -405,6 +409,8 @@ fn a_host_that_dies_in_an_exposure_costs_no_layer() {
     let rig = Rig::new("10", PROFILE);
     let child = rig.print(&job("4")).spawn().unwrap();
     rig.wait_for_picture(3);
+    // It takes 0.4 s: the light is on by then.
+    std::thread::sleep(Duration::from_millis(150));
     kill(child);
     let out = rig.resume(&[]);
     let said = text(&out.stderr);
@@ -422,10 +428,10 @@ fn a_host_that_dies_in_an_exposure_costs_no_layer() {
 #[test]
 fn a_torn_exposure_waits_for_a_persons_word() {
     let rig = Rig::new("10", &PROFILE.replace("\"controller\"", "\"host\""));
-    let child = rig.print(&job("20")).spawn().unwrap();
+    let child = rig.print(&job("1.5")).spawn().unwrap();
     rig.wait_for_picture(3);
-    // It takes 2 s: the light is on by then.
-    std::thread::sleep(std::time::Duration::from_millis(500));
+    // The host's clock is as slow as life: the light is on by then, and stays on for a second.
+    std::thread::sleep(Duration::from_millis(500));
     kill(child);
     let out = rig.resume(&[]);
     let said = text(&out.stderr);

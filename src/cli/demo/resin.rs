@@ -109,8 +109,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     say("\n   Measured by the mock's own clock, in the machine's time, from each change of\n   \
          the light; which picture it was, by the sum of what the display showed then.\n   \
          The plate never moved in the light. (What the print itself says above of its\n   \
-         exposures is by when answers arrived: what this computer did meanwhile counts\n   \
-         as many times as the printer is faster than life.)");
+         exposures is by when answers arrived: what this computer did meanwhile is in\n   \
+         it, as many times over as the printer is faster than life.)");
     say(&format!(
         "\nDone in {:.0} s. All files stay in {}\n\n\
          With a printer of your own:\n  \
