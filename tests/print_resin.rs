@@ -69,7 +69,7 @@ dtr_reset = false
 width_px = 40
 height_px = 30
 pixels = "grey"
-sink = { folder = "/nonexistent/shown" }
+sink = { folder = "/dev/null/shown" }
 settle_ms = 200
 [light]
 on = "M106 S{power}"
@@ -296,9 +296,9 @@ fn bad_input_is_refused_before_the_plate_moves() {
     check(file("job.sl1", &whole), "generic-marlin", &[], &["prints filament", "msla"]);
     check(file("other.sl1", &whole), "prusa-mk4", &["--lcd-folder", "shown"], &["prints filament"]);
     // Displays.
-    let vanished = PROFILE.replace("folder = \"/nonexistent/shown\"", "framebuffer = \"fb77\"");
-    check(file("fb.sl1", &whole), &vanished, &[], &["there is no display /dev/fb77", "driver"]);
-    check(file("folder.sl1", &whole), PROFILE, &[], &["/nonexistent/shown"]);
+    let vanished = PROFILE.replace("folder = \"/dev/null/shown\"", "framebuffer = \"fb77\"");
+    check(file("fb.sl1", &whole), &vanished, &[], &["there is no display", "fb77", "driver"]);
+    check(file("folder.sl1", &whole), PROFILE, &[], &["/dev/null/shown"]);
     // What a person sees to.
     let asks = format!("{PROFILE}\n[[before]]\nwhat = \"the vat is full\"\n");
     check(file("asks.sl1", &whole), &asks, &shown, &["the vat is full", "--ready"]);
