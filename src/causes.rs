@@ -4,12 +4,12 @@
 //! `{:#}` would say it twice.
 
 /// The error's words, then those of its causes, outermost first, parted by `: `. A cause that the
-/// words before it end with is left out.
+/// words before it hold already is left out.
 pub(crate) fn line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {
         let words = cause.to_string();
-        if line.ends_with(&words) {
+        if line.contains(&words) {
             continue;
         }
         if !line.is_empty() {
@@ -34,6 +34,10 @@ mod tests {
     #[error("cannot read")]
     struct Silent(#[source] std::io::Error);
 
+    #[derive(Debug, thiserror::Error)]
+    #[error("no picture ({0}); export it again")]
+    struct Within(#[source] std::io::Error);
+
     #[test]
     fn each_cause_is_told_once() {
         let check = |error: anyhow::Error, expect: &str| assert_eq!(line(&error), expect);
@@ -44,6 +48,7 @@ mod tests {
             anyhow::Error::new(Telling { source: read_only() }).context("the data folder"),
             "the data folder: cannot make /x: read-only file system",
         );
+        check(anyhow::Error::new(Within(read_only())), "no picture (read-only file system); export it again");
         check(anyhow::anyhow!("alone"), "alone");
     }
 }

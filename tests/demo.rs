@@ -52,6 +52,55 @@ fn the_demo_ends_well_and_leaves_its_files() {
 }
 
 #[test]
+fn a_resin_job_is_mended_printed_and_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = outrigger(folder.path(), ["demo", "--resin", "--dir", "here", "--speed", "100"]);
+    run.ends(0);
+    assert!(run.stdout.contains("an island: layer 28, 2.9 mm up, at X 20.0 Y 8.0"), "{run:?}");
+    assert!(run.stdout.contains("no island is left"), "{run:?}");
+    assert!(run.stdout.contains("mended.sl1: printed"), "{run:?}");
+    let row = |name: &str| {
+        let line = run.stdout.lines().find(|l| l.trim_start().starts_with(name));
+        line.unwrap_or_else(|| panic!("no {name} in {run:?}")).split_once(name).unwrap().1.trim().to_owned()
+    };
+    assert_eq!(row("exposures"), "40 of 40");
+    assert_eq!(row("missing, too many"), "0, 0");
+    assert!(row("out of order").starts_with("0 "), "{run:?}");
+    assert!(row("changed in light").starts_with("0 "), "{run:?}");
+    assert!(row("light off by").starts_with("0."), "{run:?}");
+    for line in run.stdout.lines() {
+        assert!(line.chars().count() < 80 || line.contains("here"), "{line}");
+    }
+    // What it leaves can be looked at and printed again.
+    let here = folder.path().join("here");
+    for name in ["lamp.sl1", "mended.sl1", "printer.toml", "layers.html", "found.json", "grown.json"] {
+        assert!(here.join(name).is_file(), "{name} of {:?}", names(&here));
+    }
+    outrigger(&here, ["check", "mended.sl1", "--fail-on", "islands"]).ends(0);
+    outrigger(&here, ["profile", "check", "printer.toml"]).ends(0);
+}
+
+#[test]
+fn ctrl_c_cancels_the_resin_print_and_leaves_no_printer() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = command(folder.path())
+        .env("TMPDIR", folder.path())
+        .args(["demo", "--resin", "--dir", "here", "--speed", "10"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
+    assert!(said.any(|line| line.contains("connected to")));
+    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    let rest: Vec<_> = said.collect();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{rest:?}");
+    assert!(rest.iter().any(|line| line.contains("mended.sl1: cancelled")), "{rest:?}");
+    assert_eq!(names(folder.path()), ["here"]);
+}
+
+#[test]
 fn what_is_reordered_prints_the_same() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("demo.gcode"), corpus("demo.gcode")).unwrap();

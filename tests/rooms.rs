@@ -19,7 +19,7 @@ const RULES: &[(&str, &[&str])] = &[
     ("profile", &["units"]),
     ("printer", &["units"]),
     ("job", &["printer", "units"]),
-    ("station", &["job", "printer", "profile", "units"]),
+    ("station", &["causes", "job", "printer", "profile", "resin", "units"]),
     // Of the daemon nobody but the verbs knows.
     ("server", &["causes", "job", "printer", "profile", "station", "units"]),
     ("post", &["toolpath", "units"]),
@@ -68,7 +68,7 @@ const ONLY: &[(&str, &[&str])] = &[
     ("rust_embed", &["src/server/page.rs"]),
     ("sd_notify", &["src/server/systemd.rs"]),
     ("utoipa", &["src/server/"]),
-    ("tracing", &["src/server/", "src/cli/serve.rs"]),
+    ("tracing", &["src/server/", "src/cli/serve.rs", "src/station/screen.rs"]),
     ("tracing_subscriber", &["src/cli/serve.rs"]),
     ("rustyline", &["src/cli/console"]),
     ("indicatif", &["src/cli/"]),

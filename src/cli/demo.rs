@@ -3,7 +3,9 @@
 //! A job that is part of the program, in which something begins in the air, goes the way of every
 //! upload: the daemon's check finds the island and holds the job, it is mended, somebody says yes,
 //! it is printed on a mock printer; then the mock is asked what it got. Every step is what the
-//! daemon does for anybody; nothing here knows how.
+//! daemon does for anybody; nothing here knows how. A resin job goes a way of its own, without
+//! the daemon: [`resin`].
+mod resin;
 mod tell;
 
 use super::mock as mock_verb;
@@ -83,9 +85,18 @@ const TELL_PERCENT: u64 = 20;
 /// reordered, and it is printed to its end. At the end the mock printer says what it received.
 /// On a terminal the page then stays open until Ctrl-C, for you to try. It takes about half a
 /// minute; Ctrl-C cancels it as it would cancel a print.
+///
+/// With --resin it is a job of a resin printer, without daemon and page: its pictures are checked,
+/// a piece that would begin in the air is found, supports are drawn under it, and it is printed as
+/// `outrigger print` does it, on a mock printer with plate, light and display. At the end the light
+/// of every layer is held against what the job asks: how long it was on, which picture it shone
+/// through, how high the plate was. That takes about half a minute too, and ends by itself.
 #[derive(clap::Args, Debug)]
 pub(super) struct Args {
-    /// The daemon's data folder [default: a new temporary one, which stays]
+    /// A resin job on a resin printer instead, without daemon and page
+    #[arg(long, conflicts_with_all = ["no_faults", "no_stay"])]
+    resin: bool,
+    /// The folder of the daemon's data, or of the resin job [default: a new temporary one, which stays]
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
     /// How many times faster than life the mock printer is
@@ -106,6 +117,9 @@ pub(super) struct Args {
 /// not get what is in the file.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     super::serve::log("warn");
+    if args.resin {
+        return resin::run(args);
+    }
     let folder = folder(args.dir.as_deref())?;
     say(
         "The whole way of a job: from the slicer's file to the last line printed.\nNo hardware is needed; Ctrl-C cancels.",

@@ -66,6 +66,12 @@ pub trait Source {
     fn is_torn(&self) -> bool {
         false
     }
+
+    /// Whether it is certain that none of the lines so far moves anything: then nothing is to be moved to
+    /// make the printer safe, since nobody knows where its axes stand.
+    fn is_unmoved(&self) -> bool {
+        false
+    }
 }
 
 /// Whether a line may be sent.

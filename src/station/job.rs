@@ -380,6 +380,13 @@ impl Source for Lines {
             Lines::Plate(plate) => plate.is_torn(),
         }
     }
+
+    fn is_unmoved(&self) -> bool {
+        match self {
+            Lines::File(_) => false,
+            Lines::Plate(plate) => plate.is_unmoved(),
+        }
+    }
 }
 
 /// Seconds since 1970; 0 where the clock says that it is earlier.

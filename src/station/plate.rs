@@ -263,4 +263,12 @@ impl Source for Plate {
     fn is_torn(&self) -> bool {
         self.machine.script().is_torn()
     }
+
+    fn is_unmoved(&self) -> bool {
+        let place = self.machine.script().place();
+        place.layer == 0
+            && (place.lines == 0
+                || matches!(place.step, Step::Check(_))
+                || place.step == Step::Home && place.first)
+    }
 }

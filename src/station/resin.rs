@@ -156,7 +156,7 @@ fn layer(at: u32, of_job: &JobLayer, recipe: &Recipe, msla: &Msla, top_mm: f64) 
     ensure!(
         height_mm >= LOWEST_LIFT_MM.min(plate.lift.slow_mm.0),
         "above layer {at} there is no room for a lift: it lies {z_mm:.2} mm high, and this printer reaches \
-         {top_mm} mm"
+         {top_mm} mm: make the part lower, or correct bed.z_mm of the profile"
     );
     Ok(Layer {
         z_mm,

@@ -36,8 +36,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "N|auto")]
     baud: Option<Baud>,
     /// The word that is otherwise asked for when the printer was reset: the part is still
-    /// in its place, and nothing stands in the way of the nozzle.
-    #[arg(long)]
+    /// in its place, and nothing stands in the way of the nozzle. Of a resin printer: the part
+    /// still hangs on the plate, and nothing lies in the vat or stands in the plate's way.
+    #[arg(long, visible_alias = "yes-part-and-plate-are-clear")]
     yes_part_and_nozzle_are_clear: bool,
     /// Of a resin job: show the pictures in this folder of PNGs instead of on the profile's display.
     #[arg(long, value_name = "DIR")]

@@ -6,7 +6,7 @@
 use super::Person;
 use crate::job::host::{HostEvent, Request};
 use crate::job::record::Checkpoint;
-use crate::job::recover::Plan;
+use crate::job::recover::{Case, Plan};
 use crate::job::run::{Mail, Watcher};
 use crate::printer::job_file::Checked;
 use crate::printer::session::Event;
@@ -214,14 +214,22 @@ impl Watcher for Show {
             HostEvent::Session(event) => self.session(event),
             HostEvent::Refused(why) => self.say(&format!("not done: {why}")),
             HostEvent::Told(words) => self.say(&printable(words)),
-            HostEvent::Case(case) => self.say(&cases::words(case)),
+            HostEvent::Case(case) => {
+                self.say(&cases::words(case));
+                if matches!(case, Case::PrinterReset { .. }) && self.person == Person::Away {
+                    self.say(
+                        "nobody can be asked here whether part and nozzle, or plate, are clear: resume it on a \
+                         terminal, or say so with --yes-part-and-nozzle-are-clear",
+                    );
+                }
+            }
             HostEvent::Planned => {}
         }
     }
 
     fn planned(&mut self, plan: &Plan) {
         self.say(&cases::plan(plan));
-        self.ask();
+        self.ask(plan.of_plate);
     }
 
     fn acknowledged(&mut self, at: &Checkpoint) {
@@ -238,18 +246,25 @@ impl Watcher for Show {
 
 impl Show {
     /// Nothing moves before a person has said that nothing is in the way.
-    fn ask(&mut self) {
+    fn ask(&mut self, of_plate: bool) {
+        let (clear, so) = match of_plate {
+            true => {
+                ("part and plate", "does the part still hang on the plate, and is nothing in the way of both")
+            }
+            false => {
+                ("part and nozzle", "is the part still in its place, and nothing in the way of the nozzle")
+            }
+        };
         match self.person {
             Person::Sure => {
                 let sent = self.post.as_ref().map(|post| post.try_send(Mail::Ask(Request::Confirm)));
                 if !matches!(sent, Some(Ok(()))) {
-                    self.say("the word that part and nozzle are clear got lost: say it again");
+                    self.say(&format!("the word that {clear} are clear got lost: say it again"));
                 }
             }
-            Person::Asked | Person::Away => self.say(
-                "is the part still in its place, and nothing in the way of the nozzle? Then press y (or \
-                 write `confirm`); Ctrl-C leaves all as it is",
-            ),
+            Person::Asked | Person::Away => {
+                self.say(&format!("{so}? Then press y (or write `confirm`); Ctrl-C leaves all as it is"))
+            }
         }
     }
 

@@ -15,10 +15,19 @@ impl<S: Source> Host<S> {
                 self.happen(Happening::Cancel);
                 self.doing = Doing::Finishing;
                 self.gate = None;
+                self.keep_still_if_unmoved();
                 self.session.cancel(now_ms);
             }
             Decision::Refuse(why) => self.refuse(why),
             Decision::Stay => {}
+        }
+    }
+
+    /// Of a job that is begun here and has moved nothing: the plate may stand at the top of its travel,
+    /// and a cancel macro would raise it.
+    pub(super) fn keep_still_if_unmoved(&mut self) {
+        if self.taken.is_none() && self.source.is_unmoved() {
+            self.session.keep_still(true);
         }
     }
 

@@ -294,6 +294,7 @@ impl<S: Source> Host<S> {
             Ok(false) => self.exhausted(now_ms),
             Err(e) => {
                 self.doing = Doing::Finishing;
+                self.keep_still_if_unmoved();
                 self.session.source_failed(e.line, e.reason, now_ms);
             }
         }

@@ -16,6 +16,9 @@ const EXPOSURE_BYTES_MIN: u32 = 100;
 /// And in lines: on, dwell, off, and the one before them whose `ok` is still on its way.
 const EXPOSURE_LINES_MIN: u32 = 4;
 
+/// Questions whose answers the protocol takes for itself: temperatures, place, name.
+const READ_BY_HOST: [&str; 3] = ["M105", "M114", "M115"];
+
 /// Shortest time in which an exposure's lines arrive before the light goes on, ms: 6 ms at
 /// 115200 baud, and as much again for the board to read them into its queue.
 const ARRIVAL_MS_MIN: u32 = 20;
@@ -207,6 +210,13 @@ fn asks(before: &Before, max_line: Option<u32>) -> Option<Wrong> {
     }
     if let Some(why) = unsendable(&send, max_line) {
         return Some(("before", format!("cannot be sent: {why}")));
+    }
+    if let Some(read) = send.lines().find(|line| READ_BY_HOST.iter().any(|own| Words(line).is(own))) {
+        let why = format!(
+            "cannot ask with {read}: the host reads the answer itself, and it never reaches the question; ask with \
+             what answers in free words, as M119 does"
+        );
+        return Some(("before", why));
     }
     unsafe_still(&send).map(|why| ("before", format!("is not safe: {why}")))
 }
