@@ -122,6 +122,8 @@ pub struct Exposure {
     loaded: Option<u32>,
     /// When the phase's time is over, ms; 0: it has not begun.
     until_ms: u64,
+    /// It is: what is still waited for is no matter of time.
+    waited: bool,
     /// The exposure's own time is over, where the host keeps it.
     exposed: bool,
     /// When all lines of a phase were acknowledged, ms.
@@ -147,6 +149,7 @@ impl Exposure {
             wanted: None,
             loaded: None,
             until_ms: 0,
+            waited: false,
             exposed: false,
             acked_ms: None,
             notes: false,
@@ -211,7 +214,7 @@ impl Exposure {
     /// When [`Event::Tick`] is due, ms.
     pub fn due_ms(&self) -> Option<u64> {
         let waits = match self.phase {
-            Phase::Settling | Phase::Resting => true,
+            Phase::Settling | Phase::Resting => !self.waited,
             Phase::Exposing => {
                 self.timing() == Timing::Host && self.script.place().light_ends && !self.exposed
             }
@@ -388,6 +391,7 @@ impl Exposure {
             self.word = true;
             self.lost_words += 1;
         }
+        self.waited = now_ms >= self.until_ms;
         // The host's own timing: light off may go.
         if self.phase == Phase::Exposing
             && self.timing() == Timing::Host
@@ -406,10 +410,11 @@ impl Exposure {
             Phase::Moving if self.word && self.script.place().step == Step::Expose => {
                 self.phase = Phase::Settling;
                 self.until_ms = now_ms + u64::from(self.script.settle_ms());
+                self.waited = now_ms >= self.until_ms;
                 self.notes = true;
             }
             Phase::Settling
-                if now_ms >= self.until_ms
+                if self.waited
                     && self.loaded == Some(layer)
                     && self.durable >= self.script.place().lines =>
             {
@@ -425,6 +430,7 @@ impl Exposure {
                 self.phase = Phase::Resting;
                 self.screen = false;
                 self.until_ms = now_ms + u64::from(self.script.rest_ms());
+                self.waited = now_ms >= self.until_ms;
                 self.notes = true;
                 self.loaded = None;
                 orders.push(Order::Blank);
@@ -433,7 +439,7 @@ impl Exposure {
                 }
             }
             Phase::Resting
-                if now_ms >= self.until_ms
+                if self.waited
                     && self.screen
                     && self.durable >= self.script.place().lines =>
             {
