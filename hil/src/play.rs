@@ -88,6 +88,7 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
     let config_resets = config.dtr_reset;
     let plan = Plan {
         commands: commands.clone(),
+        resin: None,
         settings,
         config,
         board: Faults::default(),
@@ -135,6 +136,7 @@ fn refusal(text: &str, settings: &HostSettings) -> Option<String> {
 fn refused(scenario: &Scenario, refusal: String) -> Played {
     let plan = Plan {
         commands: Commands::of(""),
+        resin: None,
         settings: HostSettings::default(),
         config: Config::default(),
         board: Faults::default(),
