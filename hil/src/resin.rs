@@ -2,9 +2,16 @@
 //!
 //! Takes how many layers, who keeps an exposure's time and where the plate's switch is; gives the
 //! lines, the settings and the board as the program makes them of the built-in profile.
+use crate::judge::resin::{Exposed, exposed};
+use crate::scenario::Fault;
+use crate::world::disk::DiskPlan;
+use crate::world::plate::{Resin, ScreenPlan};
+use crate::world::source::Commands;
+use crate::world::wire::Chances;
+use crate::world::{Plan, Report, User, World};
 use outrigger::job::host::HostSettings;
 use outrigger::printer::exposure::script::{Layer, Script, Timing, Way};
-use outrigger::printer::mock::{Config, Dynamics, LightPin, Machine, ResinMachine};
+use outrigger::printer::mock::{Config, Dynamics, Faults, LightPin, Machine, ResinMachine};
 use outrigger::profile::{Profile, load_printer};
 
 /// The profile of these jobs.
@@ -86,6 +93,55 @@ impl Job {
         dynamics.max_accel_mm_s2[2] = accel_mm_s2;
         Ok(Config { machine: Machine { dynamics, ..machine }, ..config })
     }
+}
+
+/// What a display is like that nothing is wrong with: times of loading, showing, going dark, ns.
+pub const SCREEN: ScreenPlan = ScreenPlan { takes_ns: [700_000_000, 20_000_000, 20_000_000], fails: None };
+
+/// Baud of a board where nothing else is said: the profile's.
+const BAUD: u32 = 115_200;
+
+impl Job {
+    /// A world in which it is printed and nothing goes wrong but this. A person resumes what is paused
+    /// after 5 s, and says that all is clear 20 s after a break.
+    ///
+    /// # Errors
+    /// The built-in profile cannot be read.
+    pub fn plan(&self, faults: Vec<Fault>) -> anyhow::Result<Plan> {
+        let script = self.script()?;
+        let config = self.board(Config { baud: BAUD, ..Config::default() })?;
+        Ok(Plan {
+            commands: Commands::of_script(script.clone()),
+            resin: Some(Resin { script, screen: SCREEN }),
+            settings: self.settings(&config)?,
+            config,
+            board: Faults::default(),
+            out: Chances::default(),
+            back: Chances::default(),
+            disk: DiskPlan { sync_ns: 8_000_000 },
+            faults,
+            user: User { resumes_ns: Some(5_000_000_000), confirms_ns: Some(20_000_000_000) },
+            hard_stop: true,
+            seed: 1,
+            limit_ns: 3_600_000_000_000,
+            transcript: false,
+            watch_heat: false,
+        })
+    }
+
+    /// Prints it; what came of it, and of its exposures.
+    pub fn print(&self, plan: Plan) -> (Report, Exposed) {
+        let speed = plan.config.speed;
+        let report = World::new(plan).run();
+        let done = exposed(&self.layers, &report.light, &report.shown, speed);
+        (report, done)
+    }
+}
+
+/// How often a user was told that this layer, from 0, is exposed once more.
+pub fn again(told: &str, layer: u32) -> usize {
+    let words = format!("go on with layer {}, which may have been exposed already", layer + 1);
+    told.lines().filter(|line| line.starts_with(&words)).count()
 }
 
 fn profile() -> anyhow::Result<Profile> {

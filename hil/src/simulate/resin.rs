@@ -19,11 +19,13 @@
 //! No host can switch off a light that hangs on a board that does not run ([`Kind::Hang`]), or on
 //! one that it does not reach. Where the controller keeps the time, the latter is the cable being
 //! cut after the line with light on has arrived and before that with light off has; such runs are
-//! counted. A board that was halted while no host is there is the watchdog's.
+//! counted. A board that was halted while no host is there is the watchdog's. And where the
+//! controller keeps the time, behind a damaged line the firmware may take the tail of the next for a
+//! line of its own: light on, or the dwell once more.
 use super::{FAILURES_MAX, Failure, LIMIT_NS, TAIL_LINES, lock};
 use crate::dice::Dice;
 use crate::judge::resin::{Exposed, exposed};
-use crate::resin::Job;
+use crate::resin::{Job, again};
 use crate::scenario::{Fault, Kind};
 use crate::world::disk::DiskPlan;
 use crate::world::plate::{Resin, ScreenPlan, Task};
@@ -32,7 +34,7 @@ use crate::world::wire::Chances;
 use crate::world::{Plan, Report, User, World};
 use outrigger::job::state::State;
 use outrigger::printer::exposure::script::{Layer, Timing, Way};
-use outrigger::printer::mock::{Config, Faults, Personality};
+use outrigger::printer::mock::{Config, Executed, Faults, Personality};
 use outrigger::printer::session::{Outcome, Safety};
 use outrigger::printer::window::Limit;
 use std::fmt::Write as _;
@@ -225,14 +227,15 @@ impl Run {
         if !report.over {
             return Some(format!("1: it hangs in {:?}", report.state));
         }
-        if let Some((_, text)) = done.too_long.iter().find(|(at_ns, _)| self.excuse(*at_ns).is_none()) {
+        if let Some((_, text)) = done.too_long.first().filter(|_| self.excuse().is_none()) {
             return Some(format!("2: {text}"));
         }
         if let Some(text) = done.wrong.first() {
             return Some(format!("3: {text}"));
         }
         if report.state == State::Finished
-            && let Some(text) = done.whole(&self.job.layers, |layer| self.again(layer)).first()
+            && self.excuse().is_none()
+            && let Some(text) = done.whole(&self.job.layers, |layer| again(&report.told, layer)).first()
         {
             return Some(format!("4: {text}"));
         }
@@ -253,26 +256,23 @@ impl Run {
         }
         let told = matches!(report.outcome, Some(Outcome::Stopped { safety: Safety::Unknown, .. }))
             || report.told.contains("THE LIGHT MAY BE ON");
-        if stats.light_on && !told && self.excuse(0).is_none() {
+        if stats.light_on && !told && self.excuse().is_none() {
             return Some(format!("8: the light is on after {:?}", report.outcome));
         }
         None
     }
 
-    /// Why the pulse that began then may be too long.
-    fn excuse(&self, _at_ns: u64) -> Option<&'static str> {
+    /// Why an exposure may be too long.
+    fn excuse(&self) -> Option<&'static str> {
+        let tail = |d: &Executed| {
+            d.number.is_none() && (d.command.starts_with("M106") || d.command.starts_with("G4 "))
+        };
         match () {
+            () if self.report.deeds.iter().any(tail) => Some("the tail of a line was executed"),
             () if self.had(&[Kind::Hang]) => Some("the board hung"),
             () if self.had(&[Kind::Halt, Kind::EmergencyStop]) && !self.hard_stop => Some("halted, and no reset"),
             () => None,
         }
-    }
-
-    /// How often it was said that this layer, from 0, is exposed once more.
-    fn again(&self, layer: u32) -> usize {
-        let words = format!("Told(\"go on with layer {}, which may have been", layer + 1);
-        let plain = format!("go on with layer {}, which may have been", layer + 1);
-        self.report.told.lines().filter(|line| line.starts_with(&plain) || line.contains(&words)).count()
     }
 
     /// Starts of the board after it had been sent a command of the job.
@@ -311,14 +311,14 @@ impl Run {
             tally.ends[at] += 1;
         }
         tally.exposures += self.done.pulses_s.iter().map(|pulses| pulses.len() as u64).sum::<u64>();
-        match self.done.too_long.first().and_then(|(at_ns, _)| self.excuse(*at_ns)) {
+        match self.done.too_long.first().and_then(|_| self.excuse()) {
             Some(why) => *tally.excused.entry(why).or_default() += 1,
             None => tally.longest = tally.longest.max(self.done.longest.unwrap_or(tally.longest)),
         }
         tally.mishaps += self.report.mishaps;
         tally.heirs += u64::from(self.report.processes - 1);
         tally.starts += self.starts_in_mid_job().count() as u64;
-        tally.again += (0..self.job.layers.len() as u32).map(|layer| self.again(layer) as u64).sum::<u64>();
+        tally.again += (0..self.job.layers.len() as u32).map(|layer| again(&self.report.told, layer) as u64).sum::<u64>();
         tally.simulated_s += self.report.ended_ns as f64 / 1e9;
         if let Some(text) = wrong {
             tally.failures.push(Failure { seed: self.seed, text });
@@ -365,7 +365,7 @@ fn job(dice: &mut Dice) -> Job {
         let slow = if dice.chance(300) { 0.0 } else { up_mm / 2.0 };
         Layer {
             z_mm,
-            exposure_ms: dice.between(1_000, 4_000) as u32,
+            exposure_ms: dice.between(1_500, 4_000) as u32,
             power: dice.between(1, 255) as u8,
             lift,
             retract: [

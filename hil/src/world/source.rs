@@ -149,6 +149,10 @@ impl Source for Lines {
         self.source_mut().take_note()
     }
 
+    fn take_question(&mut self, now_ms: u64) -> bool {
+        self.source_mut().take_question(now_ms)
+    }
+
     fn due_ms(&self) -> Option<u64> {
         self.source().due_ms()
     }
