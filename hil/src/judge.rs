@@ -1,7 +1,10 @@
 //! What must hold at the end of every run, from what the board did.
 //!
 //! Takes the job's commands and the board's deeds; gives what was executed how often, or the
-//! first thing that is wrong. Knows no host: a host that lies is found out here.
+//! first thing that is wrong. Knows no host: a host that lies is found out here. What must hold of a
+//! resin job is in [`resin`].
+pub mod resin;
+
 use crate::world::source::Commands;
 use outrigger::printer::mock::Executed as Did;
 use std::collections::HashMap;

@@ -2,14 +2,17 @@
 //!
 //! Takes a [`Scenario`], gives what came of it or the first thing that does not hold, with
 //! the tail of the transcript.
+use crate::judge::resin::Exposed;
 use crate::judge::{Executed, executed};
-use crate::scenario::{End, Expect, Heaters, Names, Scenario};
+use crate::resin;
+use crate::scenario::{End, Expect, Heaters, Names, ResinJob, Scenario, TimedBy};
 use crate::world::disk::DiskPlan;
 use crate::world::source::Commands;
 use crate::world::wire::Chances;
 use crate::world::{Plan, Report, User, World};
 use outrigger::job::host::HostSettings;
 use outrigger::job::state::State;
+use outrigger::printer::exposure::script::Timing;
 use outrigger::printer::mock::{Config, Faults, Personality};
 use outrigger::printer::session::DEFAULT_BOOT_WAIT_MS;
 use outrigger::printer::window::Limit;
@@ -64,6 +67,9 @@ impl Played {
 /// # Errors
 /// It cannot be played at all: no such profile, personality or corpus file.
 pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
+    if let Some(job) = scenario.job.resin {
+        return play_resin(scenario, job);
+    }
     let name = scenario.printer.profile.as_deref().unwrap_or(DEFAULT_PROFILE);
     let profile = profile::load_printer(name)?;
     let text = scenario.job.text(root)?.text;
@@ -88,6 +94,7 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
     let config_resets = config.dtr_reset;
     let plan = Plan {
         commands: commands.clone(),
+        resin: None,
         settings,
         config,
         board: Faults::default(),
@@ -106,6 +113,76 @@ pub fn play(scenario: &Scenario, root: &Path) -> anyhow::Result<Played> {
     let executed = executed(&commands, &report.deeds, &report.starts_ns);
     let wrong = judge(&scenario.expect, &commands, &report, &executed);
     Ok(Played { report, executed, wrong })
+}
+
+/// The same of a resin job.
+fn play_resin(scenario: &Scenario, job: ResinJob) -> anyhow::Result<Played> {
+    let timing = match job.timed_by {
+        TimedBy::Controller => Timing::Controller,
+        TimedBy::Pulse => Timing::Pulse,
+        TimedBy::Host => Timing::Host,
+    };
+    let exposure_ms = (job.exposure_s * 1e3).round() as u32;
+    let job = resin::Job { homes_up: job.homes_up, ..resin::Job::of(job.layers, exposure_ms, timing) };
+    let mut plan = job.plan(scenario.fault.clone())?;
+    let (noise, printer) = (scenario.noise, &scenario.printer);
+    let chances =
+        |corrupt, lose| Chances { corrupt, lose, split: noise.split, delay_ns: noise.delay_ms * 1_000_000 };
+    (plan.out, plan.back) =
+        (chances(noise.corrupt_line, noise.lose_line), chances(noise.corrupt_reply, noise.lose_reply));
+    let mut config = match &printer.personality {
+        Some(Names::One(name)) => personality(name)?,
+        _ => Config::default(),
+    };
+    config.baud = plan.config.baud;
+    config.speed = printer.speed.unwrap_or(1.0);
+    config.dtr_reset |= printer.dtr_reset;
+    plan.config = job.board(config)?;
+    plan.settings = job.settings(&plan.config)?;
+    if let Some(lines) = printer.window_lines {
+        plan.settings.session.window = Limit::Lines(lines);
+    }
+    plan.hard_stop = printer.hard_stop || plan.config.dtr_reset;
+    plan.user = User::default();
+    plan.seed = noise.seed;
+    plan.limit_ns = LIMIT_NS;
+    plan.transcript = true;
+    let (report, done) = job.print(plan);
+    let wrong = judge_resin(&scenario.expect, &job, &report, &done);
+    Ok(Played { report, executed: Executed::default(), wrong })
+}
+
+/// What of the expectations concerns a resin job, and all that must always hold of one.
+fn judge_resin(expect: &Expect, job: &resin::Job, report: &Report, done: &Exposed) -> Vec<String> {
+    let mut wrong = done.wrong.clone();
+    wrong.extend(done.too_long.iter().map(|(_, text)| text.clone()));
+    let mut hold = |holds: bool, what: String| {
+        if !holds {
+            wrong.push(what);
+        }
+    };
+    let (state, stats) = (report.state, &report.stats);
+    hold(report.over, format!("it hangs in {state:?}"));
+    let ends = end_of(state) == Some(expect.outcome);
+    hold(ends, format!("it ends in {state:?} ({:?}), not {:?}", report.outcome, expect.outcome));
+    hold(report.fresh == 1, format!("the job was begun {} times", report.fresh));
+    hold(!stats.light_on, "the light is on at the end".to_owned());
+    hold(stats.crashes == 0, format!("the plate crashed {} times", stats.crashes));
+    hold(stats.light_moved == 0, format!("the plate moved in the light {} times", stats.light_moved));
+    if let Some(boots) = expect.boots {
+        let starts = report.starts_ns.len() as u64;
+        hold(starts == boots, format!("the board started {starts} times, not {boots}"));
+    }
+    if let Some(over_s) = expect.over_s {
+        let took_s = (report.ended_ns - report.fault_ns.unwrap_or_default()) as f64 / 1e9;
+        hold(took_s <= over_s, format!("from the fault to the end it took {took_s:.2} s, not {over_s}"));
+    }
+    if expect.outcome == End::Finished {
+        wrong.extend(done.whole(&job.layers, |layer| resin::again(&report.told, layer)));
+    }
+    wrong.extend(commands_missing(expect, report));
+    wrong.extend(not_told(expect, &report.told));
+    wrong
 }
 
 /// A board by the name of its personality.
@@ -135,6 +212,7 @@ fn refusal(text: &str, settings: &HostSettings) -> Option<String> {
 fn refused(scenario: &Scenario, refusal: String) -> Played {
     let plan = Plan {
         commands: Commands::of(""),
+        resin: None,
         settings: HostSettings::default(),
         config: Config::default(),
         board: Faults::default(),

@@ -12,6 +12,8 @@
 //! 4. A board that kept its state, and a user who cancels nothing, mean a finished job.
 //! 5. A job that was cancelled or has failed has its heaters off, or the user is told that nobody knows.
 //! 6. Nothing moves where it hits the part, or while it sticks to it.
+pub mod resin;
+
 use crate::dice::Dice;
 use crate::judge::{Executed, executed};
 use crate::play::settings;
@@ -130,7 +132,7 @@ pub fn one(seed: u64) -> anyhow::Result<(Option<String>, Vec<String>)> {
     Ok((run.wrong(), run.report.transcript.iter().cloned().collect()))
 }
 
-fn lock(tally: &Mutex<Tally>) -> std::sync::MutexGuard<'_, Tally> {
+fn lock<T>(tally: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     tally.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -338,6 +340,7 @@ fn throw(dice: &mut Dice, seed: u64, commands: &Commands, profile: &Profile, tra
     };
     Plan {
         commands: commands.clone(),
+        resin: None,
         settings,
         config,
         board: Faults::default(),

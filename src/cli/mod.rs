@@ -65,6 +65,13 @@ pub fn host_settings(profile: &crate::profile::Profile, macros: bool) -> crate::
     crate::station::settings::of(profile, macros)
 }
 
+/// How a resin printer of this profile is told; `None` where it is none. For the rig, too.
+pub fn resin_rules(
+    profile: &crate::profile::Profile,
+) -> Option<crate::printer::exposure::script::Rules> {
+    profile.msla().map(crate::station::settings::script_rules)
+}
+
 /// Runs the verb that the command line names.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();

@@ -222,7 +222,9 @@ fn begun(log: &Log) -> bool {
 }
 
 fn host_died(log: &Log, after: u64) -> Case {
-    let parked = log.state != State::Ending && after < log.accepted.commands;
+    // A pause may come behind the last command, too.
+    let pauses = matches!(log.state, State::Pausing | State::Paused | State::Resuming);
+    let parked = pauses || log.state != State::Ending && after < log.accepted.commands;
     Case::HostDied { after, parked }
 }
 

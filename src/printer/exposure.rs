@@ -26,9 +26,13 @@
 //!   of the host and the cable. A line that is damaged on its way is asked for again within that
 //!   dwell too.
 //! - [`Timing::Pulse`]: one line of the firmware's lights for a time and ends by itself. Nothing
-//!   can come between.
+//!   can come between. Each line goes alone: behind a damaged one the firmware throws away what has
+//!   arrived, and the tail of the next, if that begins with a command, it would execute.
 //! - [`Timing::Host`]: light on is acknowledged, the host keeps the time, light off is sent. A dead
 //!   host is the watchdog's, a dead cable nobody's.
+//!
+//! A line that is lost shows by the next; the last ones of an exposure have none. So where light off is
+//! not acknowledged in time, the printer is asked which line it has ([`Exposure::take_question`]).
 //!
 //! # Why a picture does not change while the light is on
 //! The screen is told to show before the first line of an exposure is given, and to go dark after
@@ -46,6 +50,16 @@ use script::{Script, Step, Timing};
 /// How long a word is waited for after the line that asks for it was acknowledged: what is lost on
 /// the way is not said again.
 pub const LOST_WORD_MS: u64 = 3_000;
+
+/// So long after its time the line that switches the light off is asked for: its way and that of its
+/// answer, and a line that was sent again within the lead.
+const OFF_LATE_MS: u64 = 20;
+
+/// And again after so long.
+const OFF_AGAIN_MS: u64 = 250;
+
+/// So often for one exposure: a printer that has all its lines is just late.
+const OFF_QUESTIONS: u32 = 4;
 
 /// Where a layer is. See the module's table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,10 +136,19 @@ pub struct Exposure {
     loaded: Option<u32>,
     /// When the phase's time is over, ms; 0: it has not begun.
     until_ms: u64,
+    /// It is: what is still waited for is no matter of time.
+    waited: bool,
     /// The exposure's own time is over, where the host keeps it.
     exposed: bool,
     /// When all lines of a phase were acknowledged, ms.
     acked_ms: Option<u64>,
+    /// The time that it was told of last, ms.
+    now_ms: u64,
+    /// When light off is overdue, ms.
+    off_ms: u64,
+    questions: u32,
+    /// Lines before the first that is sent of this exposure: it waits until nothing else is in flight.
+    alone_at: u64,
     notes: bool,
     lost_words: u64,
     /// The answer that a question of the profile wants was heard.
@@ -147,8 +170,13 @@ impl Exposure {
             wanted: None,
             loaded: None,
             until_ms: 0,
+            waited: false,
             exposed: false,
             acked_ms: None,
+            now_ms: 0,
+            off_ms: 0,
+            questions: 0,
+            alone_at: 0,
             notes: false,
             lost_words: 0,
             answered: false,
@@ -202,9 +230,10 @@ impl Exposure {
             Phase::Checking if !place.first || place.lines == 0 || self.word => May::Go,
             Phase::Moving if matches!(place.step, Step::Home | Step::Lower) => May::Go,
             Phase::Lifting => May::Go,
-            Phase::Exposing if place.step == Step::Expose => match (self.timing(), place.first) {
-                (_, true) => May::GoAlone,
-                (Timing::Host, false) if place.light_ends && !self.exposed => May::Wait,
+            Phase::Exposing if place.step == Step::Expose => match self.timing() {
+                _ if place.lines == self.alone_at => May::GoAlone,
+                Timing::Pulse => May::GoAlone,
+                Timing::Host if place.light_ends && !self.exposed => May::Wait,
                 _ => May::Go,
             },
             _ => May::Wait,
@@ -214,14 +243,33 @@ impl Exposure {
     /// When [`Event::Tick`] is due, ms.
     pub fn due_ms(&self) -> Option<u64> {
         let waits = match self.phase {
-            Phase::Settling | Phase::Resting => true,
+            Phase::Settling | Phase::Resting => !self.waited,
             Phase::Exposing => {
                 self.timing() == Timing::Host && self.script.place().light_ends && !self.exposed
             }
             _ => false,
         };
         let time = (waits && self.until_ms > 0).then_some(self.until_ms);
-        [time, self.word_given_up_ms()].into_iter().flatten().min()
+        [time, self.word_given_up_ms(), self.off_overdue_ms()].into_iter().flatten().min()
+    }
+
+    /// Whether the printer is to be asked now which line it has: what it lacks may be light off.
+    pub fn take_question(&mut self, now_ms: u64) -> bool {
+        let asks = self.off_overdue_ms().is_some_and(|at| at <= now_ms);
+        if asks {
+            self.off_ms = now_ms + OFF_AGAIN_MS;
+            self.questions += 1;
+        }
+        asks
+    }
+
+    /// When light off, which was sent, should have been acknowledged.
+    fn off_overdue_ms(&self) -> Option<u64> {
+        let lit = self.phase == Phase::Exposing
+            && self.timing() != Timing::Pulse
+            && self.questions < OFF_QUESTIONS;
+        let [_, off] = self.script.lit_between().filter(|_| lit)?;
+        (self.taken >= off && self.acked < off).then_some(self.off_ms)
     }
 
     fn timing(&self) -> Timing {
@@ -243,6 +291,7 @@ impl Exposure {
 
     /// Something happened. Orders for the screen are appended to `orders`.
     pub fn on(&mut self, event: Event<'_>, now_ms: u64, orders: &mut Vec<Order>) {
+        self.now_ms = self.now_ms.max(now_ms);
         match event {
             Event::Begin => self.begin(orders),
             Event::Taken => self.took(orders),
@@ -279,11 +328,13 @@ impl Exposure {
             Step::Home | Step::Lower => Phase::Moving,
             // All lines down to the layer are there, and the head was found where they lead.
             Step::Expose if place.first => Phase::Moving,
+            // It was never lit: its picture must be there first.
+            Step::Expose if self.script.is_dark_yet() => Phase::Moving,
             Step::Expose => Phase::Exposing,
             Step::Lift if place.first => Phase::Exposing,
             Step::Lift => Phase::Lifting,
         };
-        let all_sent = place.first && matches!(place.step, Step::Expose | Step::Lift);
+        let all_sent = place.first && place.step == Step::Lift || self.script.is_dark_yet();
         self.word = all_sent;
         if place.layer < self.script.layers() && !matches!(self.phase, Phase::Exposing | Phase::Lifting) {
             (self.wanted, self.loaded) = (None, None);
@@ -306,10 +357,15 @@ impl Exposure {
             (self.word, self.acked_ms) = (false, None);
             self.want_loaded(was.layer, orders);
         }
-        if self.phase == Phase::Exposing && was.step == Step::Expose && was.first {
+        if self.phase == Phase::Exposing && was.lines == self.alone_at {
             (self.word, self.acked_ms) = (false, None);
             // Of a host's own timing: the clock starts when light on is acknowledged.
             (self.until_ms, self.exposed) = (0, false);
+            let in_all_ms = u64::from(self.script.lead_ms()) + u64::from(self.script.exposure_ms());
+            self.off_ms = self.now_ms + in_all_ms + OFF_LATE_MS;
+        }
+        if self.phase == Phase::Exposing && self.timing() == Timing::Host && was.light_ends {
+            self.off_ms = self.now_ms + OFF_LATE_MS;
         }
         if self.phase == Phase::Lifting && self.script.place().layer > was.layer {
             self.phase = match self.script.place().layer < self.script.layers() {
@@ -391,6 +447,7 @@ impl Exposure {
             self.word = true;
             self.lost_words += 1;
         }
+        self.waited = now_ms >= self.until_ms;
         // The host's own timing: light off may go.
         if self.phase == Phase::Exposing
             && self.timing() == Timing::Host
@@ -409,10 +466,11 @@ impl Exposure {
             Phase::Moving if self.word && self.script.place().step == Step::Expose => {
                 self.phase = Phase::Settling;
                 self.until_ms = now_ms + u64::from(self.script.settle_ms());
+                self.waited = now_ms >= self.until_ms;
                 self.notes = true;
             }
             Phase::Settling
-                if now_ms >= self.until_ms
+                if self.waited
                     && self.loaded == Some(layer)
                     && self.durable >= self.script.place().lines =>
             {
@@ -423,11 +481,14 @@ impl Exposure {
             Phase::Showing if self.screen => {
                 self.phase = Phase::Exposing;
                 (self.word, self.screen, self.acked_ms) = (false, false, None);
+                self.alone_at = self.script.place().lines;
+                self.questions = 0;
             }
             Phase::Exposing if self.word && self.script.place().step == Step::Lift => {
                 self.phase = Phase::Resting;
                 self.screen = false;
                 self.until_ms = now_ms + u64::from(self.script.rest_ms());
+                self.waited = now_ms >= self.until_ms;
                 self.notes = true;
                 self.loaded = None;
                 orders.push(Order::Blank);
@@ -436,7 +497,9 @@ impl Exposure {
                 }
             }
             Phase::Resting
-                if now_ms >= self.until_ms && self.screen && self.durable >= self.script.place().lines =>
+                if self.waited
+                    && self.screen
+                    && self.durable >= self.script.place().lines =>
             {
                 self.phase = Phase::Lifting;
             }

@@ -51,6 +51,12 @@ pub trait Source {
         false
     }
 
+    /// Whether the printer is to be asked now which line it has accepted: what was lost on the way must
+    /// not wait for the next line to show.
+    fn take_question(&mut self, _now_ms: u64) -> bool {
+        false
+    }
+
     /// When [`Source::may`] is to be asked again at the latest, ms.
     fn due_ms(&self) -> Option<u64> {
         None

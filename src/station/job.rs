@@ -360,6 +360,13 @@ impl Source for Lines {
         }
     }
 
+    fn take_question(&mut self, now_ms: u64) -> bool {
+        match self {
+            Lines::Plate(plate) => plate.take_question(now_ms),
+            _ => false,
+        }
+    }
+
     fn due_ms(&self) -> Option<u64> {
         match self {
             Lines::File(_) => None,

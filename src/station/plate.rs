@@ -244,6 +244,10 @@ impl Source for Plate {
         self.machine.take_note()
     }
 
+    fn take_question(&mut self, now_ms: u64) -> bool {
+        self.machine.take_question(now_ms)
+    }
+
     fn due_ms(&self) -> Option<u64> {
         self.machine.due_ms()
     }

@@ -12,6 +12,9 @@ pub fn skips(scenario: &Scenario, sort: Sort, rig: &Rig) -> Option<String> {
             return Some(format!("{}: {why}", fault.kind.name()));
         }
     }
+    if scenario.job.resin.is_some() {
+        return Some("a display and a light are in the virtual world only".to_owned());
+    }
     let printer = &scenario.printer;
     if printer.dtr_reset || printer.hard_stop {
         return Some("the program's DTR ends at the rig's pseudo-terminal".to_owned());

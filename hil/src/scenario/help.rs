@@ -9,6 +9,9 @@ title = "An ok is lost in mid-job"     # one sentence
 lines = 200              # heats, homes, then so many short moves, each unlike all others
 gcode = """G28\nG1 X1"""  # these lines
 corpus = "demo.gcode"    # a file of gcode/corpus
+resin = { layers = 3, exposure_s = 2, timed_by = "pulse", homes_up = true }
+                         # layers of resin on the profile generic-msla; timed_by: controller (if
+                         # nothing is said), pulse or host; in the virtual world only
                          # and beside `lines`:
 start = ["G28", "M109 S200"]   # instead of the usual beginning
 insert = { "50" = "M600" }     # a line after so many moves

@@ -6,8 +6,8 @@ use std::path::Path;
 /// Most lines of a job: what a virtual printer makes within a second.
 pub const MAX_LINES: u64 = 50_000;
 
-/// What is printed: one of `lines`, `gcode` and `corpus`.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize)]
+/// What is printed: one of `lines`, `gcode`, `corpus` and `resin`.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Job {
     /// So many generated moves.
@@ -20,6 +20,37 @@ pub struct Job {
     pub gcode: Option<String>,
     /// This file of `gcode/corpus`.
     pub corpus: Option<String>,
+    /// These layers of resin.
+    pub resin: Option<ResinJob>,
+}
+
+/// A job of resin.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResinJob {
+    /// How many layers.
+    pub layers: u32,
+    /// How long each is exposed, s.
+    pub exposure_s: f64,
+    /// Who keeps the time.
+    #[serde(default)]
+    pub timed_by: TimedBy,
+    /// The plate's switch is at the top.
+    #[serde(default)]
+    pub homes_up: bool,
+}
+
+/// Who keeps an exposure's time.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TimedBy {
+    /// The controller: on, dwell, off.
+    #[default]
+    Controller,
+    /// The controller, by a line that ends by itself.
+    Pulse,
+    /// The host.
+    Host,
 }
 
 /// A job's text.
@@ -28,6 +59,9 @@ pub struct JobLines {
     /// All lines, comments included, as a file has them.
     pub text: String,
 }
+
+/// Most layers of a resin job.
+const RESIN_LAYERS_MAX: u32 = 1_000;
 
 /// What a generated job begins with: heat, home, known modes.
 const START: [&str; 7] = ["M140 S50", "M104 S150", "G28", "M190 S50", "M109 S200", "G92 E0", "M106 S128"];
@@ -42,9 +76,15 @@ impl Job {
     }
 
     pub(super) fn wrong(&self) -> Option<String> {
-        let ways = [self.lines.is_some(), self.gcode.is_some(), self.corpus.is_some()];
+        let ways = [self.lines.is_some(), self.gcode.is_some(), self.corpus.is_some(), self.resin.is_some()];
         if ways.iter().filter(|w| **w).count() != 1 {
-            return Some("job needs one of lines, gcode, corpus".to_owned());
+            return Some("job needs one of lines, gcode, corpus, resin".to_owned());
+        }
+        let fits = |job: ResinJob| {
+            (1..=RESIN_LAYERS_MAX).contains(&job.layers) && (0.1..=60.0).contains(&job.exposure_s)
+        };
+        if self.resin.is_some_and(|job| !fits(job)) {
+            return Some(format!("job.resin has 1 to {RESIN_LAYERS_MAX} layers, each 0.1 to 60 s"));
         }
         if self.lines.is_some_and(|n| n == 0 || n > MAX_LINES) {
             return Some(format!("job.lines is outside 1 to {MAX_LINES}"));

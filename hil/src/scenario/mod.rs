@@ -8,7 +8,7 @@ mod job;
 
 pub use help::HELP;
 pub(crate) use job::generated;
-pub use job::{Job, JobLines, MAX_LINES};
+pub use job::{Job, JobLines, MAX_LINES, ResinJob, TimedBy};
 
 use serde::Deserialize;
 use std::path::Path;
@@ -371,6 +371,9 @@ impl Scenario {
         }
         if let Some(why) = self.job.wrong() {
             return Some(why);
+        }
+        if self.job.resin.is_some() && self.printer.profile.is_some() {
+            return Some("job.resin has a profile of its own".to_owned());
         }
         if self.printer.speed.is_some_and(|s| !(0.01..=1000.0).contains(&s)) {
             return Some("printer.speed is outside 0.01 to 1000".to_owned());

@@ -7,10 +7,11 @@
 //! # Layout
 //! Here the plan, the report and the loop · `events` what happens when and to whom · `process`
 //! the host's life, death and heirs · [`link`] and [`wire`] the line, both ways and one · [`disk`] the
-//! journal's medium · [`source`] the job's lines.
+//! journal's medium · [`source`] the job's lines · [`plate`] those of a resin job, and its display.
 pub mod disk;
 pub mod events;
 pub mod link;
+pub mod plate;
 mod process;
 pub mod source;
 pub mod wire;
@@ -22,10 +23,13 @@ use link::Link;
 use outrigger::job::host::{Host, HostSettings, Request};
 use outrigger::job::record::Accepted;
 use outrigger::job::state::State;
-use outrigger::printer::mock::{Config, Executed, Faults, Firmware, Stats};
+use outrigger::printer::mock::{Config, Executed, Faults, Firmware, Pulse, Stats};
 use outrigger::printer::session::Outcome;
-use source::{Commands, Reading};
+use plate::{Panel, Resin, ScreenPlan, Shown};
+use source::{Commands, Lines};
+use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::rc::Rc;
 use wire::Chances;
 
 /// Every state with its name in scenarios.
@@ -64,6 +68,8 @@ const AFTERMATH_NS: u64 = 120_000_000_000;
 pub struct Plan {
     /// What is printed.
     pub commands: Commands,
+    /// It is a resin job, and these are its commands.
+    pub resin: Option<Resin>,
     /// The host's.
     pub settings: HostSettings,
     /// The board's.
@@ -118,12 +124,18 @@ pub struct Report {
     pub deeds: Vec<Executed>,
     /// When the board began to start, each time, ns.
     pub starts_ns: Vec<u64>,
+    /// When its light was on.
+    pub light: Vec<Pulse>,
+    /// What the display showed.
+    pub shown: Vec<Shown>,
     /// The board's counts at the end.
     pub stats: Stats,
     /// What the user was told.
     pub told: String,
     /// When the last process ended, ns.
     pub ended_ns: u64,
+    /// When the first command of the job went out, ns.
+    pub begun_ns: Option<u64>,
     /// When the first fault happened, ns.
     pub fault_ns: Option<u64>,
     /// When both heaters' targets were first 0 after it, ns; only if watched.
@@ -144,6 +156,7 @@ pub struct Report {
 #[derive(Debug, Default)]
 struct Progress {
     sent: usize,
+    begun_ns: Option<u64>,
     last_ns: Option<u64>,
     stall_ns: u64,
 }
@@ -161,7 +174,8 @@ pub struct World {
     /// The host wants it open, and gets it then.
     opens_ns: Option<u64>,
     disk: Disk,
-    host: Option<Host<Reading>>,
+    panel: Rc<RefCell<Panel>>,
+    host: Option<Host<Lines>>,
     life: process::Life,
     events: events::Events,
     progress: Progress,
@@ -175,6 +189,7 @@ impl World {
     pub fn new(plan: Plan) -> Self {
         let config = Config { record: true, ..plan.config.clone() };
         let board = Firmware::new(config, plan.board.clone());
+        let screen = plan.resin.as_ref().map_or_else(ScreenPlan::default, |resin| resin.screen);
         let accepted = Accepted {
             path: "/virtual/job.gcode".into(),
             commands: plan.commands.len() as u64,
@@ -189,6 +204,7 @@ impl World {
             open: false,
             opens_ns: None,
             disk: Disk::new(plan.disk, accepted, plan.seed),
+            panel: Rc::new(RefCell::new(Panel::new(screen))),
             host: None,
             life: process::Life::default(),
             events: events::Events::new(&plan.faults),
@@ -224,6 +240,9 @@ impl World {
     fn report(mut self, over: bool) -> Report {
         let ended_ns = self.now_ns;
         self.board.advance(ended_ns + AFTERMATH_NS);
+        // The last host is gone with its share of it.
+        self.host = None;
+        let shown = Rc::into_inner(self.panel).map_or_else(Vec::new, |panel| panel.into_inner().into_shown());
         Report {
             over,
             outcome: self.life.outcome.take(),
@@ -232,9 +251,12 @@ impl World {
             fresh: self.life.fresh,
             deeds: self.board.take_executed(),
             starts_ns: self.board.starts_ns().to_vec(),
+            light: self.board.light().to_vec(),
+            shown,
             stats: self.board.stats(),
             told: self.told,
             ended_ns,
+            begun_ns: self.progress.begun_ns,
             fault_ns: self.events.first_ns,
             cold_ns: self.cold_ns,
             stall_ns: self.progress.stall_ns,
@@ -257,6 +279,7 @@ impl World {
             self.link.out.next_ns(),
             self.board.deadline_ns(),
             self.disk.next_ns(),
+            self.panel.borrow().next_ns(),
             self.events.next_ns(),
             self.life.restarts_ns,
         ]
@@ -267,6 +290,7 @@ impl World {
 
     /// Everything that is due by now.
     fn step(&mut self) {
+        self.look_at_panel();
         self.happen_due();
         self.start_heir();
         self.open_port();
@@ -300,6 +324,16 @@ impl World {
             host.on_tick(now_ms);
         }
         self.look_at_heat();
+    }
+
+    /// What the display has done is news for the host.
+    fn look_at_panel(&mut self) {
+        let news = self.panel.borrow_mut().advance(self.now_ns);
+        let now_ms = self.now_ms();
+        if let Some(host) = self.host.as_mut().filter(|_| news) {
+            host.look(now_ms);
+            self.settle();
+        }
     }
 
     fn now_ms(&self) -> u64 {

@@ -1,7 +1,8 @@
 //! The host's life: its first process, its death, its heirs; and what it says and wants.
 use super::World;
 use super::events::of_mock;
-use super::source::Reading;
+use super::plate::Plate;
+use super::source::{Lines, Reading};
 use crate::scenario::{Fault, Kind};
 use outrigger::job::host::{Begin, Host, HostEvent, PortWish, Request};
 use outrigger::job::record::Record;
@@ -9,6 +10,7 @@ use outrigger::job::recover::Case;
 use outrigger::job::state::State;
 use outrigger::printer::session::{Event, Outcome};
 use std::collections::VecDeque;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -79,8 +81,16 @@ impl World {
         self.note(format!("process {} begins: {begin:?}", self.life.processes));
         self.board.connect(self.now_ns);
         self.open = true;
-        let reading = Reading::new(self.plan.commands.clone(), Arc::clone(&self.life.changed_at));
-        self.host = Some(Host::new(settings, reading, &begin, self.now_ms()));
+        let lines = match &self.plan.resin {
+            Some(resin) => {
+                self.panel.borrow_mut().begins();
+                Lines::Plate(Box::new(Plate::new(resin.script.clone(), Rc::clone(&self.panel))))
+            }
+            None => {
+                Lines::File(Reading::new(self.plan.commands.clone(), Arc::clone(&self.life.changed_at)))
+            }
+        };
+        self.host = Some(Host::new(settings, lines, &begin, self.now_ms()));
     }
 
     /// Whether anything will still begin by itself.
@@ -107,6 +117,7 @@ impl World {
             return;
         }
         self.close_port();
+        self.panel.borrow_mut().killed();
         self.life.requests.clear();
         self.life.unkept = false;
         let dice = &mut self.dice;
@@ -129,6 +140,12 @@ impl World {
 
     pub(super) fn unplug(&mut self, until_ns: u64) {
         self.link.unplug(until_ns);
+        if self.plan.resin.is_some() {
+            // What an adapter has and has not sent yet goes with its power.
+            let for_s = (until_ns - self.now_ns) as f64 / 1e9;
+            self.board.inject(self.now_ns, cut(for_s));
+            self.board.take_hang_up();
+        }
         let was_open = std::mem::take(&mut self.open);
         let now_ms = self.now_ms();
         if let Some(host) = self.host.as_mut().filter(|_| was_open) {
@@ -145,6 +162,11 @@ impl World {
     /// The port is there and wanted.
     pub(super) fn open_port(&mut self) {
         if self.opens_ns.is_none_or(|at_ns| at_ns > self.now_ns) {
+            return;
+        }
+        if self.link.gone_until_ns > self.now_ns {
+            // It went again meanwhile.
+            self.opens_ns = Some(self.link.gone_until_ns + REOPEN_NS);
             return;
         }
         self.opens_ns = None;
@@ -202,7 +224,7 @@ impl World {
         let mut any = false;
         while let Some(event) = self.host.as_mut().and_then(Host::poll_event) {
             any = true;
-            if self.plan.transcript {
+            if self.plan.transcript || self.plan.resin.is_some() {
                 self.note(format!("  {event:?}"));
                 self.told.push_str(&telling(&event));
                 self.told.push('\n');
@@ -250,6 +272,7 @@ impl World {
             return 0;
         }
         self.progress.sent += 1;
+        self.progress.begun_ns.get_or_insert(self.now_ns);
         let since = self.progress.last_ns.replace(self.now_ns).unwrap_or(self.now_ns);
         self.progress.stall_ns = self.progress.stall_ns.max(self.now_ns - since);
         self.progress.sent
@@ -281,6 +304,9 @@ impl World {
                 self.life.outcome = host.outcome().cloned();
                 self.host = None;
                 self.close_port();
+                if self.plan.resin.is_some() {
+                    self.panel.borrow_mut().ended();
+                }
                 self.disk.process_ends(self.now_ns);
                 self.life.unkept = false;
                 let now_ns = self.now_ns;
@@ -289,6 +315,15 @@ impl World {
                 true
             }
         }
+    }
+}
+
+/// The cable is out: nothing goes through for so long.
+fn cut(for_s: f64) -> outrigger::printer::mock::faults::Fault {
+    outrigger::printer::mock::faults::Fault {
+        kind: outrigger::printer::mock::faults::Kind::HangUp,
+        for_s: Some(for_s),
+        ..reset()
     }
 }
 

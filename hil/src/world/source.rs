@@ -1,5 +1,7 @@
 //! A job's lines, as a host reads them.
-use outrigger::printer::source::{JobLine, Source, SourceError};
+use super::plate::Plate;
+use outrigger::printer::source::{Back, JobLine, May, News, Source, SourceError};
+use outrigger::printer::exposure::script::Script;
 use outrigger_gcode::checksum::sendable;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -18,6 +20,15 @@ impl Commands {
             sendable(line.as_bytes(), &mut scratch).map(|command| (n, command.to_vec()))
         });
         Self { lines: Arc::new(lines.collect()) }
+    }
+
+    /// All lines of a resin job.
+    pub fn of_script(mut script: Script) -> Self {
+        let mut lines = Vec::new();
+        while script.advance() {
+            lines.push((lines.len() as u64 + 1, script.line().as_bytes().to_vec()));
+        }
+        Self { lines: Arc::new(lines) }
     }
 
     /// How many.
@@ -77,5 +88,80 @@ impl Source for Reading {
         let line = self.at.checked_sub(1).and_then(|at| self.commands.lines.get(at));
         let (number, command) = line.map_or(nothing, |(n, c)| (*n, c.as_slice()));
         JobLine { command, number }
+    }
+}
+
+/// A job of either sort.
+#[derive(Debug)]
+pub(super) enum Lines {
+    /// Of G-code.
+    File(Reading),
+    /// Of resin.
+    Plate(Box<Plate>),
+}
+
+impl Lines {
+    fn source(&self) -> &dyn Source {
+        match self {
+            Lines::File(file) => file,
+            Lines::Plate(plate) => &**plate,
+        }
+    }
+
+    fn source_mut(&mut self) -> &mut dyn Source {
+        match self {
+            Lines::File(file) => file,
+            Lines::Plate(plate) => &mut **plate,
+        }
+    }
+}
+
+impl Source for Lines {
+    fn advance(&mut self) -> Result<bool, SourceError> {
+        self.source_mut().advance()
+    }
+
+    fn line(&self) -> JobLine<'_> {
+        self.source().line()
+    }
+
+    fn layer(&self) -> u32 {
+        self.source().layer()
+    }
+
+    fn begin(&mut self) {
+        self.source_mut().begin();
+    }
+
+    fn may(&mut self, now_ms: u64) -> May {
+        self.source_mut().may(now_ms)
+    }
+
+    fn may_hold(&self) -> bool {
+        self.source().may_hold()
+    }
+
+    fn hear(&mut self, news: News<'_>, now_ms: u64) {
+        self.source_mut().hear(news, now_ms);
+    }
+
+    fn take_note(&mut self) -> bool {
+        self.source_mut().take_note()
+    }
+
+    fn take_question(&mut self, now_ms: u64) -> bool {
+        self.source_mut().take_question(now_ms)
+    }
+
+    fn due_ms(&self) -> Option<u64> {
+        self.source().due_ms()
+    }
+
+    fn go_back(&mut self, commands: u64) -> Option<Back> {
+        self.source_mut().go_back(commands)
+    }
+
+    fn is_torn(&self) -> bool {
+        self.source().is_torn()
     }
 }

@@ -28,6 +28,9 @@ impl<S: Source> Host<S> {
             let passed = self.pass_gate(now_ms);
             self.source.hear(News::Durable(self.book.durable_commands()), now_ms);
             self.note_progress(now_ms);
+            if self.doing == Doing::Feeding && self.source.take_question(now_ms) {
+                self.session.ask_which_line();
+            }
             if !self.feed_one(now_ms) && !passed {
                 return;
             }

@@ -278,14 +278,20 @@ impl Script {
         }
     }
 
-    /// The printer has accepted what it stands behind, and some of it is part of an exposure: how
-    /// long that was nobody knows.
+    /// The printer has accepted what it stands behind, and that is light on without light off: how
+    /// long it was on nobody knows. A pulse ends by itself.
     pub fn is_torn(&self) -> bool {
+        let lines = self.place().lines;
+        self.rules.timing != Timing::Pulse
+            && self.lit_between().is_some_and(|[on, off]| (on..off).contains(&lines))
+    }
+
+    /// It stands within an exposure, before the line that switches the light on.
+    pub fn is_dark_yet(&self) -> bool {
         let place = self.place();
-        let said = |line: &(Step, String)| line.0 == Step::Expose;
-        let left = self.lines.get(self.at..).unwrap_or_default().iter().filter(|l| said(l)).count();
-        // All but the question whether the light is off.
-        place.step == Step::Expose && !place.first && left > 1
+        let [on, off] = self.lit_between().unwrap_or_default();
+        let lights = if self.rules.timing == Timing::Pulse { off } else { on };
+        place.step == Step::Expose && place.lines < lights
     }
 
     /// Where a job stands of which so many lines are written down as acknowledged: the light of a
@@ -509,14 +515,20 @@ mod tests {
 
     #[test]
     fn an_exposure_that_was_accepted_in_part_is_torn() {
-        let script = Script::new(rules(Timing::Controller), vec![layer(0.05), layer(0.1)]);
-        let torn: Vec<u64> = (0..=script.len())
-            .filter(|lines| {
-                let mut script = script.clone();
-                script.go_to(*lines);
-                script.is_torn()
-            })
-            .collect();
-        assert_eq!(torn, [7, 8, 9, 18, 19, 20]);
+        let check = |timing: Timing, torn: &[u64], dark: &[u64]| {
+            let script = Script::new(rules(timing), vec![layer(0.05), layer(0.1)]);
+            let at = |is: fn(&Script) -> bool| -> Vec<u64> {
+                let at = |lines: u64| {
+                    let mut script = script.clone();
+                    script.go_to(lines);
+                    script
+                };
+                (0..=script.len()).filter(|lines| is(&at(*lines))).collect()
+            };
+            assert_eq!((at(Script::is_torn), at(Script::is_dark_yet)), (torn.to_vec(), dark.to_vec()));
+        };
+        check(Timing::Controller, &[8, 9, 19, 20], &[6, 7, 17, 18]);
+        check(Timing::Host, &[8, 18], &[6, 7, 16, 17]);
+        check(Timing::Pulse, &[], &[6, 7, 8, 16, 17, 18]);
     }
 }

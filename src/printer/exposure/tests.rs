@@ -234,6 +234,27 @@ fn the_table_in_the_docs_is_what_the_machine_does() {
 }
 
 #[test]
+fn what_is_no_matter_of_time_is_not_asked_for_all_the_time() {
+    let mut p = Play::new(Timing::Controller, 1);
+    p.feed();
+    p.acknowledge();
+    p.say(Step::Lower);
+    assert_eq!(p.machine.due_ms(), Some(500));
+    p.pass(500);
+    // The picture and the record come by themselves.
+    assert_eq!((p.machine.phase(), p.machine.due_ms()), (Phase::Settling, None));
+    p.keep();
+    p.on(Event::Loaded(0));
+    p.on(Event::Shown(0));
+    p.feed();
+    p.acknowledge();
+    p.say(Step::Expose);
+    assert_eq!((p.machine.phase(), p.machine.due_ms()), (Phase::Resting, Some(700)));
+    p.pass(200);
+    assert_eq!((p.machine.phase(), p.machine.due_ms()), (Phase::Resting, None), "the display is not dark yet");
+}
+
+#[test]
 fn a_word_that_got_lost_costs_seconds_and_not_the_print() {
     let mut p = Play::new(Timing::Controller, 1);
     p.feed();

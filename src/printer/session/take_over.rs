@@ -132,6 +132,15 @@ impl Session {
         }
     }
 
+    /// In the job, with lines in flight: has the printer say which line it has, so that it asks for
+    /// what was lost. Needs no number, and so no leave.
+    pub fn ask_which_line(&mut self) {
+        if matches!(self.phase, Phase::Job) && !self.answers.is_draining() && !self.window.is_idle() {
+            self.out.push(b'\n');
+            frame(WRONG_NUMBER, b"M105", &mut self.out);
+        }
+    }
+
     /// Begins to look where the printer is.
     pub(super) fn search(&mut self, now_ms: u64) {
         let until_ms = now_ms + self.settings.boot_wait_ms.max(LISTEN_MS);
