@@ -79,9 +79,10 @@ function statePanel(scope, id) {
   };
   const bar = el('div', {}, progressBar(scope, job().printer), facts(scope, job().printer));
   scope.watch(() => has() && Boolean(store.printers.get(job().printer).progress), (running) => { bar.hidden = !running; });
+  const stateTells = (state) => (store.printers.get(job().printer)?.kind === 'msla' && W.resinState[state]) || W.jobState[state][1];
   const words = scope.part(what, ({ state, state_words, waits_for, error, plan: awaited }) => [
     el('p', { class: 'large' }, sentence(state_words) || W.jobState[state]?.[1] || state),
-    state_words && W.jobState[state] && !DECIDED_ELSEWHERE.includes(state) && el('p', { class: 'faint' }, W.jobState[state][1]),
+    state_words && W.jobState[state] && !DECIDED_ELSEWHERE.includes(state) && el('p', { class: 'faint' }, stateTells(state)),
     waits_for && !DECIDED_ELSEWHERE.includes(state) && el('p', {}, W.job.waitsFor(waits_for)),
     error && state !== 'interrupted' && el('div', { class: 'box bad' }, el('h2', {}, W.job.error), el('p', {}, error), W.jobTodo[state] && el('p', {}, el('strong', {}, `${W.job.todo}: `), W.jobTodo[state])),
     awaited && planOf(store.printers.get(job().printer)),

@@ -177,6 +177,11 @@ export const W = {
     cancelled: ['Cancelled', 'It was cancelled before its end.'],
     failed: ['Failed', 'It came to an end that was not meant.'],
   },
+  // What is another thing where a plate moves and nothing is heated.
+  resinState: {
+    starting: 'The plate goes to its start.', printing: 'It goes layer by layer to the printer.', paused: 'The light is off and the plate is raised. It goes on when you press Resume.',
+    pausing: 'The layer is cured to its end first.', cancelling: 'The light is switched off and the plate is raised.', failing: 'Something went wrong; the light is being switched off.',
+  },
   jobTodo: {
     failed: 'Look at the printer and take off what is on the bed. When what is told above is mended, “Print again” starts it anew from the first layer.',
     lost: 'See that the printer is on and its cable sits at both ends. The print goes on if the printer was not reset.',
