@@ -51,8 +51,8 @@ fn job(island: bool, exposure_s: f64, [wide, high]: [usize; 2]) -> Vec<u8> {
 /// What is shown of a job, in order: a sum for each picture.
 fn pictures(job: &[u8]) -> Vec<String> {
     let mut zip = zip::ZipArchive::new(Cursor::new(job)).unwrap();
-    let mut names: Vec<_> = zip.file_names().filter(|n| n.ends_with(".png")).map(str::to_owned).collect();
-    names.retain(|name| !name.contains('/'));
+    let mut names: Vec<_> = zip.file_names().map(|name| name.unwrap().into_owned()).collect();
+    names.retain(|name| name.ends_with(".png") && !name.contains('/'));
     names.sort();
     let mut sum_of = |name: &String| {
         let mut bytes = Vec::new();
@@ -277,7 +277,10 @@ fn prusaslicer_finds_a_host_for_resin_and_sends_to_it() {
     assert!(!objects.iter().any(|name| name == "extruder" || name == "heater_bed"), "{objects:?}");
     // The plate goes up and down.
     let jog = |way: Value| daemon.post("/api/v2/printers/resin/jog", &way).status;
-    assert_eq!([jog(json!({"z_mm": 1})), jog(json!({"x_mm": 1})), jog(json!({"home": ["x"]}))], [202, 400, 400]);
+    assert_eq!(
+        [jog(json!({"z_mm": 1})), jog(json!({"x_mm": 1})), jog(json!({"home": ["x"]}))],
+        [202, 400, 400]
+    );
     daemon.end();
 }
 

@@ -159,7 +159,9 @@ impl Job {
         if profile.msla().is_some() {
             let told = told(&resin::open(job.verified()?)?, profile)?;
             if checked(&told).commands != accepted.commands {
-                bail!("the printer's profile was changed since, and what was written down of the job no longer fits");
+                bail!(
+                    "the printer's profile was changed since, and what was written down of the job no longer fits"
+                );
             }
             (job.facts, job.resin) = (facts(&told), Some(told));
         }

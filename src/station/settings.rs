@@ -5,8 +5,8 @@ use crate::job::tracker::EModes;
 use crate::printer::exposure::script;
 use crate::printer::session::{DEFAULT_BOOT_WAIT_MS, Settings};
 use crate::printer::window::Limit;
-use crate::profile::printer::{Firmware, Window};
 use crate::profile::msla::{Before, Homes, TimedBy};
+use crate::profile::printer::{Firmware, Window};
 use crate::profile::{Macro, Msla, Profile};
 use outrigger_gcode::checksum::sendable;
 

@@ -182,7 +182,9 @@ impl Jog {
     /// It says nothing, or too much, or more than a plate can do: that goes up and down.
     pub(crate) fn commands(&self, station: &Station) -> Result<Vec<String>, Problem> {
         let Some(msla) = station.profile.msla() else { return self.of_head() };
-        let across = self.x_mm != 0.0 || self.y_mm != 0.0 || self.home.iter().any(|axis| !axis.eq_ignore_ascii_case("z"));
+        let across = self.x_mm != 0.0
+            || self.y_mm != 0.0
+            || self.home.iter().any(|axis| !axis.eq_ignore_ascii_case("z"));
         if across {
             return Err(Problem::bad("a resin printer's plate goes up and down: only z is taken"));
         }

@@ -240,7 +240,8 @@ impl Foreman {
         if asks && let Some(id) = self.next(printer) {
             if !ready {
                 self.show_place(printer);
-                let words = "the printer cannot begin now: see that it is connected and idle, then say so again";
+                let words =
+                    "the printer cannot begin now: see that it is connected and idle, then say so again";
                 return Err(Refusal::Conflict(words.to_owned()));
             }
             self.changed(&id, |job| job.prepared = true)?;

@@ -69,7 +69,11 @@ impl Foreman {
             Told::Over { job, state, words, safety } => {
                 self.set_ready(printer, false);
                 if let Some(crate::printer::session::Safety::Unknown) = safety {
-                    tracing::error!(printer, job, "heaters or the light may be on: the printer confirmed nothing");
+                    tracing::error!(
+                        printer,
+                        job,
+                        "heaters or the light may be on: the printer confirmed nothing"
+                    );
                 }
                 self.change(&job, |job| match state {
                     // Nothing of it was sent: it waits on.
@@ -133,7 +137,10 @@ impl Foreman {
                     && let Err(why) = guardian::start(&self.means.folder.store, record)
                 {
                     let why = causes::line(&why);
-                    tracing::warn!(job = id, "no guardian ({why}): if this process dies, heaters or the light stay on");
+                    tracing::warn!(
+                        job = id,
+                        "no guardian ({why}): if this process dies, heaters or the light stay on"
+                    );
                 }
                 let place = &self.places[&printer];
                 if !place.handle.give(Order::Print(print)) {
