@@ -9,6 +9,7 @@ use outrigger::printer::lcd::sum::Sum;
 use serde_json::{Value, json};
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// The panel, px, with pixels of 0.1 mm. Layers have 0.2 mm.
 const PANEL: [usize; 2] = [160, 120];
@@ -90,6 +91,9 @@ impl Resin {
             .replace("height_px = 1440", &format!("height_px = {}", PANEL[1]))
             .replace("{ framebuffer = \"fb0\" }", &format!("{{ folder = '{}' }}", shown.display()))
             .replace("cancel = { file = \"msla-cancel.gcode\" }", cancel)
+            // The host's own waits are not made faster as the mock is.
+            .replace("settle_ms = 1000", "settle_ms = 20")
+            .replace("rest_ms = 500", "rest_ms = 20")
             .replace("dtr_reset = true", "dtr_reset = false");
         let profile = folder.path().join("resin.toml");
         std::fs::write(&profile, text).unwrap();
@@ -315,7 +319,10 @@ fn an_ending_daemon_ends_the_layer_raises_the_plate_and_goes_on_later() {
     say_the_word(&daemon, &job);
     daemon.wait_job(&job, "printing");
     wait_until("some layers", || resin.shown().len() > 3);
+    let asked = Instant::now();
     daemon.end();
+    // A layer takes a second and the plate's way up one more: what is parked is not waited for.
+    assert!(asked.elapsed() < Duration::from_secs(30), "{:?}", asked.elapsed());
     wait_until("the mock to tell", || resin.mock.now()["true_position_mm"][2].as_f64() > Some(15.0));
     assert_eq!(resin.mock.now()["light_on"], false);
     let daemon = Daemon::start(state.path(), &config);
