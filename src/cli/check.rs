@@ -72,8 +72,9 @@ pub(super) struct Args {
     /// list`, or a file
     ///
     /// Lines that its firmware would cut, beads beside its bed or above its reach, temperatures
-    /// that it or the material does not bear, heaters left on, a file that was cut short.
-    #[arg(long, value_name = "NAME", help_heading = "G-code")]
+    /// that it or the material does not bear, heaters left on, a file that was cut short. Of a resin
+    /// job: pictures for another panel or mirrored otherwise, exposures and heights beyond its own.
+    #[arg(long, value_name = "NAME", help_heading = "Sliced jobs")]
     printer: Option<String>,
     #[command(flatten, next_help_heading = "What holds itself")]
     rules: flags::Rules,

@@ -88,7 +88,8 @@ pub struct Printer {
 pub struct Amiss {
     /// What kind: `line_too_long`, `outside_bed`, `above_top`, `nozzle_too_hot`,
     /// `bed_too_hot`, `nozzle_above_material`, `bed_above_material`,
-    /// `nozzle_below_material`, `heaters_left_on`, `cut_short`, or `unreadable`.
+    /// `nozzle_below_material`, `heaters_left_on`, `cut_short`, or `unreadable`; of a resin job
+    /// `unfit`.
     pub kind: &'static str,
     /// The first line of the file where it is so, from 1; 0 where no line can be told.
     pub line: u64,

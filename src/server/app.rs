@@ -6,11 +6,12 @@ use super::auth_desk::AuthDesk;
 use super::config::{self, Config};
 use super::foreman::view::View;
 use super::foreman::{Answer, Message};
-use super::model::{Bed, Limits, Link, Printer};
+use super::model::{Bed, Limits, Link, Printer, PrinterKind};
 use super::problem::Problem;
 use super::shelf::Shelf;
 use crate::profile::Profile;
 use crate::profile::printer::{BedShape, Origin};
+use crate::station::settings;
 use std::sync::{Arc, mpsc};
 use std::time::Instant;
 use tokio::sync::oneshot;
@@ -20,6 +21,13 @@ pub(crate) struct Station {
     pub(crate) config: config::Printer,
     pub(crate) profile: Profile,
     pub(crate) handle: Handle,
+}
+
+impl Station {
+    /// What it prints with.
+    pub(crate) fn kind(&self) -> PrinterKind {
+        if self.profile.msla().is_some() { PrinterKind::Msla } else { PrinterKind::Fdm }
+    }
 }
 
 /// See the module's text.
@@ -80,6 +88,8 @@ impl App {
             id: config.id.clone(),
             name: config.name.clone().unwrap_or_else(|| profile.title.clone()),
             profile: config.profile.clone(),
+            kind: station.kind(),
+            before: settings::asks(profile).into_iter().map(str::to_owned).collect(),
             state: now.link,
             state_words: words.to_owned(),
             error: now.error,

@@ -123,7 +123,7 @@ pub(crate) const KEYS: &[Key] = &[
     key(
         "printer.clear_bed",
         OneOf(&["ask", "assume"]),
-        "ask: the next job waits until somebody has said that the bed is clear; assume: it starts at once",
+        "ask: the next job waits until somebody has said that the bed is clear; assume: it starts at once (where the profile has [[before]], a person is asked all the same)",
     ),
     key(
         "printer.material",

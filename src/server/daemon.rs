@@ -9,7 +9,7 @@ use super::auth_desk::AuthDesk;
 use super::config::Config;
 use super::discovery;
 use super::foreman::view::View;
-use super::foreman::{Foreman, Means, Message};
+use super::foreman::{Foreman, Means, Message, Wants};
 use super::inspect::{Inspector, Work};
 use super::shelf::Shelf;
 use super::{api, gate, http, metrics, moonraker, octoprint, page, prusalink};
@@ -36,7 +36,7 @@ const MAX_BODY_BYTES: usize = 1 << 20;
 /// Between two looks whether another process has changed users and keys.
 const LOOK: Duration = Duration::from_secs(2);
 
-/// A part of the daemon that ends is waited for so long.
+/// A part of the daemon that ends is waited for so long, beside what its job may take to be parked.
 const END: Duration = Duration::from_secs(60);
 
 /// How the daemon is to run, beside its configuration.
@@ -109,7 +109,7 @@ impl Daemon {
             }
             let (handle, thread) = actor::start(actor, first).context("cannot start a printer's thread")?;
             threads.push(thread);
-            foreman.place(printer.clone(), handle.clone());
+            foreman.place(printer.clone(), Wants::of(&profile), handle.clone());
             stations.push(Station { config: printer.clone(), profile, handle });
         }
         let stop_inspector = Arc::new(AtomicBool::new(false));
@@ -233,9 +233,11 @@ impl Daemon {
         self.stop_inspector.store(true, Ordering::Relaxed);
         let _ = self.inbox.send(Message::End);
         let threads = self.threads;
+        let parks = self.app.stations.iter().map(|station| station.handle.board.picture().park);
+        let wait = END + parks.max().unwrap_or_default();
         drop((self.inbox, self.app, self.routes));
         let joined = tokio::task::spawn_blocking(move || {
-            let end = Instant::now() + END;
+            let end = Instant::now() + wait;
             for thread in threads {
                 while !thread.is_finished() && Instant::now() < end {
                     std::thread::sleep(Duration::from_millis(10));

@@ -38,6 +38,8 @@ pub(crate) struct For {
     pub(crate) printer: String,
     /// Its profile, as the verbs take it.
     pub(crate) profile: String,
+    /// It prints resin jobs, and nothing else.
+    pub(crate) resin: bool,
     /// What is in it, where that is told.
     pub(crate) material: Option<String>,
     /// Whether the infill of clean jobs is put into a better order.
@@ -149,7 +151,7 @@ impl Inspector {
             picture.as_ref(),
         ]);
         let resin = is_resin(&content);
-        if !resin {
+        if resin == of.resin {
             verb.extend::<[&OsStr; 2]>(["--printer".as_ref(), of.profile.as_ref()]);
             if let Some(material) = &of.material {
                 verb.extend::<[&OsStr; 2]>(["--material".as_ref(), material.as_ref()]);
@@ -213,7 +215,13 @@ impl Inspector {
     fn mend(&self, job: &str, file: &str, name: &str, of: &For) -> Result<Mend, String> {
         let content = self.shelf.content(file);
         let made = |what: &str| self.shelf.of_job(job, what);
-        let (out, report, page) = (made("supported"), made("supports.json"), made("supports.html"));
+        let resin = is_resin(&content);
+        // The verb tells the format of a resin job by the name's ending: it stays what it is.
+        let out = match resin {
+            true => made(&format!("supported.{}", self.format(file, of)?)),
+            false => made("supported"),
+        };
+        let (report, page) = (made("supports.json"), made("supports.html"));
         let mut verb: Vec<&OsStr> = vec![
             "post".as_ref(),
             "--quiet".as_ref(),
@@ -254,7 +262,7 @@ impl Inspector {
             None => format!("supports grown ({added_mm3:.0} mm³)"),
         };
         let (mended, paths) = (made("mended"), made("paths.svg"));
-        let better = if of.reorder {
+        let better = if of.reorder && !resin {
             self.reorder_into(&out, &mended, [&made("reordered.json"), &paths], name, of)
         } else {
             None
@@ -273,6 +281,13 @@ impl Inspector {
             paths_picture: address("paths", &paths),
             added_mm3,
         })
+    }
+
+    /// The format of a resin job, as the check has found it, which is its name's ending too.
+    fn format(&self, file: &str, of: &For) -> Result<&'static str, String> {
+        let told = read_report(&self.shelf.made(file, &of.printer, "check.json")).unwrap_or_default();
+        let known = ["sl1", "nanodlp", "goo"].into_iter().find(|format| told["kind"] == *format);
+        known.ok_or_else(|| "its check does not tell its format: upload it again".to_owned())
     }
 
     /// Runs one of our verbs. Its words end with its last line on standard error, or say why it was
@@ -354,7 +369,7 @@ fn last_line(said: &mut File) -> std::io::Result<String> {
 }
 
 /// Whether a file's first bytes are those of a resin job: a zip, or GOO's.
-fn is_resin(path: &Path) -> bool {
+pub(crate) fn is_resin(path: &Path) -> bool {
     let mut start = [0_u8; 4];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
     read.is_ok() && (&start == b"PK\x03\x04" || start.starts_with(b"V3."))

@@ -18,6 +18,10 @@ pub(crate) struct Printer {
     pub(crate) name: String,
     /// Its profile's name.
     pub(crate) profile: String,
+    /// What it prints with.
+    pub(crate) kind: PrinterKind,
+    /// What a person must have seen to before each print; empty: nothing.
+    pub(crate) before: Vec<String>,
     /// Where its connection stands.
     pub(crate) state: Link,
     /// The same in words, or what its job does.
@@ -52,6 +56,17 @@ pub(crate) struct Printer {
     pub(crate) queue: Vec<String>,
     /// What happened lately, the newest last.
     pub(crate) messages: Vec<Message>,
+}
+
+/// What a printer prints with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum PrinterKind {
+    /// Filament, through a nozzle onto a bed.
+    #[default]
+    Fdm,
+    /// Resin, cured through a masking display onto a plate.
+    Msla,
 }
 
 /// Where the connection to a printer stands.
@@ -527,6 +542,9 @@ pub(crate) struct Job {
     /// Why it failed, and what to do.
     #[serde(default)]
     pub(crate) error: Option<String>,
+    /// Somebody has seen to what is to be so before it ([`Printer::before`]). It holds for one start.
+    #[serde(default)]
+    pub(crate) prepared: bool,
     /// Somebody said that it may start whatever lies on the bed.
     #[serde(default)]
     pub(crate) start_anyway: bool,

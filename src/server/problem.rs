@@ -161,6 +161,7 @@ impl From<Refusal> for Problem {
         match refusal {
             Refusal::NoSuch(what) => Problem::no_such(what),
             Refusal::Conflict(words) => Problem::conflict(words),
+            Refusal::Unfit(words) => Problem::new(Kind::Unsupported, words),
             Refusal::Shelf(why) if why.is_full() => {
                 tracing::warn!("{why}");
                 Problem::new(Kind::NoSpace, format!("{why}: make room, or delete files"))

@@ -107,7 +107,7 @@ async fn info(Read(Asked { at, .. }): Read) -> Json<Value> {
         "nozzle_diameter": profile.fdm().map(|fdm| fdm.nozzle_mm.0),
         "mmu": false,
         "sd_ready": false,
-        "min_extrusion_temp": 170,
+        "min_extrusion_temp": profile.fdm().map(|_| 170),
     }))
 }
 

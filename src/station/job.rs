@@ -20,7 +20,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// A file as large as this, which was accepted before and not written to since, is not
 /// read twice: its sums are known. A smaller one takes no time, and is read for its
@@ -178,6 +178,13 @@ impl Job {
     /// Whether it is a resin job: somebody must show its pictures.
     pub(crate) fn is_resin(&self) -> bool {
         self.resin.is_some()
+    }
+
+    /// How long the longest layer of a resin job takes; nothing of other jobs, which may be paused anywhere.
+    pub(crate) fn longest_layer(&self) -> Duration {
+        let begins_s = self.resin.as_ref().map_or(&[][..], |told| &told.begins_s);
+        let longest_s = begins_s.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f32::max);
+        Duration::try_from_secs_f32(longest_s).unwrap_or_default()
     }
 
     /// Its lines, verified chunk by chunk as they are read. Without a display those of a resin job

@@ -111,6 +111,16 @@ pub(crate) fn script_rules(msla: &Msla) -> script::Rules {
     }
 }
 
+/// What homes a resin printer's plate.
+pub(crate) fn home(msla: &Msla) -> Vec<String> {
+    lines(&msla.plate.home)
+}
+
+/// What switches the light of a resin printer off; nothing for others.
+pub(crate) fn light_off(profile: &Profile) -> Vec<String> {
+    profile.msla().map(|msla| lines(&msla.light.off)).unwrap_or_default()
+}
+
 /// What a person is to see to before a print.
 pub(crate) fn asks(profile: &Profile) -> Vec<&str> {
     let before = profile.msla().map(|msla| msla.before.as_slice()).unwrap_or_default();

@@ -18,12 +18,24 @@ function question(printer) {
     may('print') && el('div', { class: 'row' }, choices.map((words, choice) => button(words, () => printerAction(printer.id, 'answer', { choice }), { kind: choice === 0 ? 'main' : '', key: `choice ${choice}` }))));
 }
 
-/** The bed stands in the way of the next job, or of none yet; then it is told quietly. */
+/**
+ * The bed, or the plate, stands in the way of the next job, or of none yet; then it is told quietly. Where the printer's
+ * profile has things that a person must see to before each print, the question is these.
+ */
 function bed(printer, next) {
-  const clear = button(W.attention.bedDone, () => printerAction(printer.id, 'bed_cleared'), { kind: next ? 'main' : '', key: 'bed' });
-  if (next) return box('warn', W.attention.bed, el('p', {}, W.attention.bedTells(next)), may('print') && el('div', { class: 'row' }, clear));
-  return el('p', { class: 'box calm between' }, el('span', {}, W.attention.bedQuiet), may('print') && clear);
+  const { before, kind } = printer;
+  const of = kind === 'msla' ? { title: W.attention.plate, tells: W.attention.plateTells, done: W.attention.plateDone, quiet: W.attention.plateQuiet }
+    : { title: W.attention.bed, tells: W.attention.bedTells, done: W.attention.bedDone, quiet: W.attention.bedQuiet };
+  const asks = next && before.length > 0;
+  const clear = button(asks ? W.attention.beforeDone : of.done, () => printerAction(printer.id, 'bed_cleared'), { kind: next ? 'main' : '', key: 'bed' });
+  const yes = may('print') && el('div', { class: 'row' }, clear);
+  if (asks) return box('warn', W.attention.before, el('p', {}, W.attention.beforeTells(next)), el('ul', {}, before.map((what) => el('li', {}, what))), yes);
+  if (next) return box('warn', of.title, el('p', {}, of.tells(next)), yes);
+  return el('p', { class: 'box calm between' }, el('span', {}, of.quiet), may('print') && clear);
 }
+
+/** Whether a person's word is wanted: something may lie there, or the next job waits for what must be seen to. */
+export const wantsWord = (printer, next) => !printer.bed_clear || Boolean(printer.before?.length && next && !next.prepared && !next.start_anyway);
 
 export function attention(scope, id) {
   const what = () => {
@@ -31,7 +43,7 @@ export function attention(scope, id) {
     const jobs = [...store.jobs.values()].filter((job) => job.printer === id);
     const next = store.jobs.get(printer?.queue.find((job) => store.jobs.get(job)?.state === 'queued'));
     return {
-      printer: printer && { id, question: printer.question, waits: printer.waits_for_user, plan: printer.plan, idle: printer.state !== 'busy', bed: printer.bed_clear, job: printer.job },
+      printer: printer && { id, question: printer.question, waits: printer.waits_for_user, plan: printer.plan, idle: printer.state !== 'busy', bed: !wantsWord(printer, next), before: printer.before ?? [], kind: printer.kind, job: printer.job },
       next: next?.name ?? null,
       undecided: jobs.filter(({ state }) => state === 'held' || state === 'mended').map(({ id: job, name, state }) => ({ job, name, state })),
       broken: jobs.filter(({ state }) => state === 'interrupted').map(({ id: job }) => job),

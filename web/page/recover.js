@@ -15,7 +15,7 @@ export function brokenOff(job, printer) {
   return el('section', { class: 'box warn', 'aria-label': W.recover.title },
     el('h2', {}, W.recover.title),
     el('p', {}, W.recover.tells(job.name, where), ' ', job.error ? `${sentence(job.error)}.` : W.recover.why, ' ', job.can.includes('resume') && W.recover.kept),
-    job.can.includes('resume') && el('p', {}, W.recover.before),
+    job.can.includes('resume') && el('p', {}, printer?.kind === 'msla' ? W.recover.beforePlate : W.recover.before),
     may('print') && job.can.includes('resume') && el('p', { class: 'faint' }, W.recover.goTells),
     may('print') && el('div', { class: 'row' },
       job.can.includes('resume') && button(W.recover.go, () => jobAction(job.id, 'resume'), { kind: 'main', key: `go ${job.id}` }),
@@ -25,10 +25,11 @@ export function brokenOff(job, printer) {
 
 /** The plan that waits for its yes. The yes may ask for the password, since the head moves after it. */
 export function planOf(printer) {
+  const plate = printer.kind === 'msla';
   return el('section', { class: 'box warn', 'aria-label': W.recover.planTitle },
     el('h2', {}, W.recover.planTitle),
-    el('p', { class: 'plan large' }, printer.plan), el('p', {}, W.recover.clearTells),
+    el('p', { class: 'plan large' }, printer.plan), el('p', {}, plate ? W.recover.plateClearTells : W.recover.clearTells),
     may('print') && el('div', { class: 'row' },
-      button(W.recover.clear, () => printerAction(printer.id, 'confirm'), { kind: 'main', key: 'confirm' }),
+      button(plate ? W.recover.plateClear : W.recover.clear, () => printerAction(printer.id, 'confirm'), { kind: 'main', key: 'confirm' }),
       button(W.recover.stop, () => printerAction(printer.id, 'cancel'), { key: 'refuse' })));
 }

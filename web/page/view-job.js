@@ -44,6 +44,7 @@ function decision(job) {
 /** What else can be done with the job as it is. */
 function actions(job, plan) {
   if (!may('print')) return [];
+  const plate = store.printers.get(job.printer)?.kind === 'msla';
   const can = (one) => job.can.includes(one);
   const act = (action) => () => jobAction(job.id, action);
   const again = async () => {
@@ -60,12 +61,12 @@ function actions(job, plan) {
   const buttons = [
     can('pause') && button(W.printer.pause, () => printerAction(job.printer, 'pause'), { kind: 'main', key: 'pause' }),
     !elsewhere && can('resume') && button(W.printer.resume, () => printerAction(job.printer, 'resume'), { kind: 'main', key: 'pause' }),
-    can('start') && button(W.job.start, act('start')),
+    can('start') && button(plate ? W.job.startPlate : W.job.start, act('start'), { key: 'start' }),
     can('again') && button(W.job.again, again, { kind: 'main' }),
     !elsewhere && can('cancel') && asking(W.job.cancel, { question: W.job.cancelAsk, yes: W.job.cancelYes, key: 'cancel' }, act('cancel')),
     can('forget') && may('admin') && asking(W.job.forget, { question: W.job.forgetAsk, yes: W.job.forgetYes, key: 'forget' }, forget),
   ].filter(Boolean);
-  return [buttons.length > 0 && el('div', { class: 'row' }, buttons), can('start') && el('p', { class: 'faint' }, W.job.startTells)];
+  return [buttons.length > 0 && el('div', { class: 'row' }, buttons), can('start') && el('p', { class: 'faint' }, plate ? W.job.startPlateTells : W.job.startTells)];
 }
 
 function statePanel(scope, id) {
@@ -78,9 +79,10 @@ function statePanel(scope, id) {
   };
   const bar = el('div', {}, progressBar(scope, job().printer), facts(scope, job().printer));
   scope.watch(() => has() && Boolean(store.printers.get(job().printer).progress), (running) => { bar.hidden = !running; });
+  const stateTells = (state) => (store.printers.get(job().printer)?.kind === 'msla' && W.resinState[state]) || W.jobState[state][1];
   const words = scope.part(what, ({ state, state_words, waits_for, error, plan: awaited }) => [
     el('p', { class: 'large' }, sentence(state_words) || W.jobState[state]?.[1] || state),
-    state_words && W.jobState[state] && !DECIDED_ELSEWHERE.includes(state) && el('p', { class: 'faint' }, W.jobState[state][1]),
+    state_words && W.jobState[state] && !DECIDED_ELSEWHERE.includes(state) && el('p', { class: 'faint' }, stateTells(state)),
     waits_for && !DECIDED_ELSEWHERE.includes(state) && el('p', {}, W.job.waitsFor(waits_for)),
     error && state !== 'interrupted' && el('div', { class: 'box bad' }, el('h2', {}, W.job.error), el('p', {}, error), W.jobTodo[state] && el('p', {}, el('strong', {}, `${W.job.todo}: `), W.jobTodo[state])),
     awaited && planOf(store.printers.get(job().printer)),

@@ -68,6 +68,8 @@ function earlier(scope, id) {
 export function view(scope, id) {
   const printer = () => store.printers.get(id) ?? {};
   const job = () => store.jobs.get(printer().job);
+  // What a printer prints with does not change while the page is open.
+  const melts = printer().kind !== 'msla';
   return [
     el('div', { class: 'view-head' },
       scope.text(() => printer().name, 'h1', { tabindex: -1 }),
@@ -75,7 +77,7 @@ export function view(scope, id) {
       scope.text(() => [printer().profile, printer().firmware].filter(Boolean).join(' · '), 'span', { class: 'faint' })),
     attention(scope, id),
     el('div', { class: 'columns' },
-      el('div', {}, nowPanel(scope, id), temperatureGraph(scope, id), queuePanel(scope, id), may('control') && consolePanel(scope, id)),
-      el('div', {}, webcam(scope, id), may('control') && [heatPanel(scope, id), jogPanel(scope, id)], messages(scope, id), earlier(scope, id))),
+      el('div', {}, nowPanel(scope, id), melts && temperatureGraph(scope, id), queuePanel(scope, id), may('control') && consolePanel(scope, id)),
+      el('div', {}, webcam(scope, id), may('control') && [melts && heatPanel(scope, id), jogPanel(scope, id, { plate: !melts })], messages(scope, id), earlier(scope, id))),
   ];
 }

@@ -6,6 +6,7 @@
 import { el } from './dom.js';
 import { W } from './words.js';
 import { store } from './live.js';
+import { wantsWord } from './attention.js';
 import { facts, printerPill, progressBar } from './progress.js';
 import { clock } from './format.js';
 
@@ -14,11 +15,12 @@ export const title = () => W.printers.title;
 /** What of a printer wants a person, in few words. */
 function needs(printer) {
   const jobs = [...store.jobs.values()].filter((job) => job.printer === printer.id);
+  const next = store.jobs.get(printer.queue.find((job) => store.jobs.get(job)?.state === 'queued'));
   const undecided = jobs.filter(({ state }) => state === 'held' || state === 'mended').length;
   return [
     printer.question?.text, printer.waits_for_user, printer.plan && W.recover.planTitle, printer.error,
     jobs.some(({ state }) => state === 'interrupted') && W.printers.interrupted,
-    !printer.bed_clear && printer.state === 'ready' && printer.queue.length > 0 && W.printers.bed,
+    printer.state === 'ready' && printer.queue.length > 0 && wantsWord(printer, next) && (printer.kind === 'msla' ? W.printers.plate : W.printers.bed),
     undecided > 0 && W.printers.heldJobs(undecided),
   ].filter(Boolean);
 }

@@ -68,7 +68,7 @@ export const W = {
   printers: {
     title: 'Printers', none: 'No printer is set up', noneTells: 'Printers are named in the daemon’s configuration file. The README of Outrigger shows the lines to write.',
     idle: 'No job', waiting: (n) => `${many(n, 'job waits', 'jobs wait')}`, attention: 'Needs you',
-    interrupted: 'A print was broken off and can go on', bed: 'Waits until the bed is said to be clear', heldJobs: (n) => `${many(n, 'job waits', 'jobs wait')} for your decision`,
+    interrupted: 'A print was broken off and can go on', bed: 'Waits until the bed is said to be clear', plate: 'Waits for your word that it may begin', heldJobs: (n) => `${many(n, 'job waits', 'jobs wait')} for your decision`,
   },
   printerState: { offline: 'Offline', connecting: 'Connecting', ready: 'Ready', busy: 'Busy', failed: 'Fault' },
   facts: {
@@ -91,12 +91,16 @@ export const W = {
   attention: {
     question: 'The printer asks', waits: 'The printer waits for you', bed: 'Is the bed clear?',
     bedTells: (name) => `“${name}” is next. It starts when the last part is off the bed, and you say so.`, bedDone: 'The bed is clear',
-    bedQuiet: 'The bed was not said to be clear. Nothing starts by itself until you say so.', held: 'A job waits for your decision',
+    bedQuiet: 'The bed was not said to be clear. Nothing starts by itself until you say so.',
+    plate: 'Is the plate empty?', plateTells: (name) => `“${name}” is next. It starts when the last part is off the plate, and you say so.`, plateDone: 'The plate is empty',
+    plateQuiet: 'The plate was not said to be empty. Nothing starts by itself until you say so.',
+    before: 'Is it ready to print?', beforeTells: (name) => `“${name}” is next. It starts when all of this is so, and you say so:`, beforeDone: 'It is so: start', held: 'A job waits for your decision',
     look: 'Look at it', mendedReady: 'The mended job is ready; look at its picture.', heldReady: 'The check found something that you should see.',
   },
   recover: {
     title: 'A print was broken off', tells: (name, where) => `“${name}” was broken off${where}.`, why: 'The power failed, or the daemon or the connection to the printer stopped.',
     kept: 'How far it came is written down, and it can go on from there.', atLayer: (layer) => ` in layer ${layer}`, atZ: (z) => ` at Z ${z}`, before: 'Before you go on: the part must still stick to the bed where it was. Take off what hangs from the nozzle. Do not move the part.',
+    beforePlate: 'Before you go on: the part must still hang on the plate. See that nothing lies in the vat.', plateClear: 'Plate and vat are clear: go on', plateClearTells: 'Look at the printer first. The plate moves as soon as you press this.',
     go: 'Go on with this print', goTells: 'Nothing moves yet: first you see what will be done.', giveUp: 'Give it up…', giveUpAsk: 'Give this print up? It cannot be taken up again.', giveUpYes: 'Yes, give it up',
     planTitle: 'This will be done now', clear: 'Part and nozzle are clear: go on', clearTells: 'Look at the printer first. The head moves as soon as you press this.', stop: 'Not now: cancel',
   },
@@ -107,7 +111,7 @@ export const W = {
     legend: 'Dashed: what is aimed at',
   },
   jog: {
-    title: 'Move', step: 'Step', pad: 'Move the head', homeAll: 'Home all', homeAxis: (axis) => `Home ${axis}`,
+    title: 'Move', step: 'Step', pad: 'Move the head', plate: 'Move the plate', homeAll: 'Home all', homeAxis: (axis) => `Home ${axis}`,
     move: (axis, amount) => `${axis} by ${amount} mm`, mm: (step) => `${step} mm`, group: 'Direction',
   },
   heat: {
@@ -143,7 +147,8 @@ export const W = {
     decide: 'Your decision', mend: 'Mend it', anyway: 'Print anyway', printMended: 'Print the mended job', asSliced: 'Print it as sliced', mendFailed: 'It could not be mended',
     heldTells: 'Nothing is printed until you decide. “Mend it” grows the least support under what would print in the air, and shows you the result before anything is printed.',
     mendedTells: 'Look at the picture. Nothing is printed until you say yes.', added: (mm3) => `${mm3} mm³ of plastic more than as it was sliced.`,
-    start: 'The bed is clear: start now', startTells: 'It starts at once, although the bed was not said to be clear. Look first.', cancel: 'Cancel…', cancelAsk: 'Cancel this job?', cancelYes: 'Yes, cancel it',
+    start: 'The bed is clear: start now', startTells: 'It starts at once, although the bed was not said to be clear. Look first.',
+    startPlate: 'All is ready: start now', startPlateTells: 'It starts at once, and the plate goes down. See first that it is empty, the vat filled and the cover closed.', cancel: 'Cancel…', cancelAsk: 'Cancel this job?', cancelYes: 'Yes, cancel it',
     again: 'Print again', againDone: (name) => `“${name}” is in the queue again.`, forget: 'Forget…', forgetAsk: 'Forget this job and all that is written of it?', forgetYes: 'Yes, forget it', forgotten: 'The job is forgotten.',
     error: 'What went wrong', todo: 'What to do', timeline: 'Its way', waitsFor: (words) => `Waits for: ${words}`, printed: { original: 'as it was sliced', mended: 'mended' }, printedAs: 'Version',
     steps: { accepted: 'Accepted', checked: 'Check', decided: 'Your decision', mended: 'Mending', queued: 'In the queue', printed: 'Printing', ended: 'End' },
@@ -171,6 +176,11 @@ export const W = {
     finished: ['Finished', 'It was printed to its end.'],
     cancelled: ['Cancelled', 'It was cancelled before its end.'],
     failed: ['Failed', 'It came to an end that was not meant.'],
+  },
+  // What is another thing where a plate moves and nothing is heated.
+  resinState: {
+    starting: 'The plate goes to its start.', printing: 'It goes layer by layer to the printer.', paused: 'The light is off and the plate is raised. It goes on when you press Resume.',
+    pausing: 'The layer is cured to its end first.', cancelling: 'The light is switched off and the plate is raised.', failing: 'Something went wrong; the light is being switched off.',
   },
   jobTodo: {
     failed: 'Look at the printer and take off what is on the bed. When what is told above is mended, “Print again” starts it anew from the first layer.',

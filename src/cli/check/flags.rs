@@ -106,8 +106,8 @@ pub(super) fn unfit(args: &Args, kind: Kind) -> Option<String> {
     if kind != Kind::Gcode && args.filament_mm.is_some() {
         return Some(format!("--filament-mm is for G-code; {file} is {}", kind.words()));
     }
-    if kind != Kind::Gcode && args.printer.is_some() {
-        return Some(format!("--printer is for G-code; {file} is {}", kind.words()));
+    if kind == Kind::Stl && args.printer.is_some() {
+        return Some(format!("--printer is for sliced jobs; {file} is {}", kind.words()));
     }
     if kind == Kind::Stl {
         return None;

@@ -1,11 +1,15 @@
 //! A job beside the printer that would print it: `outrigger check --printer NAME`.
+use crate::causes;
 use crate::printer::job_file::{self, JobError};
 use crate::printer::preflight::{Bears, Finding, Melts, Preflight, Volume};
 use crate::profile::material::{MaterialKind, TemperatureRange};
 use crate::profile::printer::{BedShape, Origin};
 use crate::profile::{Fdm, Profile, load_material, load_printer};
 use crate::report::check::{Amiss, Printer};
-use std::io::Read;
+use crate::resin::job::Job;
+use crate::station::resin::told;
+use anyhow::ensure;
+use std::io::{Read, Seek};
 
 /// What a printer could not do of a job, in this material where it is known.
 ///
@@ -29,6 +33,24 @@ pub(super) fn beside(name: &str, material: Option<&str>, job: impl Read) -> anyh
         words: f.words(&bears),
     };
     findings.extend(preflight.finish().into_iter().filter(of_whole).map(told));
+    Ok(Printer { name: profile.name, findings })
+}
+
+/// The same of a resin job: its pictures and exposures beside this printer's panel, light and plate.
+///
+/// # Errors
+/// There is no such profile, or it is one of filament.
+pub(super) fn beside_resin<R: Read + Seek>(name: &str, job: &Job<R>) -> anyhow::Result<Printer> {
+    let profile = load_printer(name)?;
+    ensure!(profile.msla().is_some(), "{} prints filament, and this is a resin job", profile.name);
+    let unfit = |why: anyhow::Error| Amiss {
+        kind: "unfit",
+        line: 0,
+        lines: 0,
+        worst: 0.0,
+        words: causes::line(&why),
+    };
+    let findings = told(job, &profile).err().map(unfit).into_iter().collect();
     Ok(Printer { name: profile.name, findings })
 }
 

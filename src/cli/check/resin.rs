@@ -1,6 +1,7 @@
 //! From an open resin job to what was found in it.
 use super::Args;
 use super::kind::Opened;
+use super::printer;
 use super::source::{BUFFER_BYTES, Checked, ask, examine, rules};
 use crate::cli::files;
 use crate::detect::resin::drain::shortest_way;
@@ -32,6 +33,7 @@ pub(super) fn check(args: &Args, opened: Opened) -> anyhow::Result<Checked> {
     let job = crate::resin::open(BufReader::with_capacity(BUFFER_BYTES, opened.file))?;
     let kind = job.format().key();
     let mut report = Report { file: files::display_name(&args.file), kind, rules: told, ..Report::default() };
+    report.printer = args.printer.as_deref().map(|name| printer::beside_resin(name, &job)).transpose()?;
     report.seconds.read = started.elapsed().as_secs_f64();
     let mut layers = FromImages::new(job).keeping_pictures();
     let ask = Ask { resin: true, ..ask(args, rules) };

@@ -251,7 +251,11 @@ fn what_is_no_matter_of_time_is_not_asked_for_all_the_time() {
     p.say(Step::Expose);
     assert_eq!((p.machine.phase(), p.machine.due_ms()), (Phase::Resting, Some(700)));
     p.pass(200);
-    assert_eq!((p.machine.phase(), p.machine.due_ms()), (Phase::Resting, None), "the display is not dark yet");
+    assert_eq!(
+        (p.machine.phase(), p.machine.due_ms()),
+        (Phase::Resting, None),
+        "the display is not dark yet"
+    );
 }
 
 #[test]

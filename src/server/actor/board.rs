@@ -8,6 +8,7 @@ use crate::server::model::{ConsoleLine, Heat, Heater, Level, Link, Message, Prog
 use crate::station::escape::printable;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// Lines of the console that are kept.
 const MAX_CONSOLE: usize = 500;
@@ -41,6 +42,8 @@ pub(crate) struct Picture {
     /// Resends and probes of the job, and lines that the planner may have waited for.
     pub(crate) resends: u64,
     pub(crate) lines_sent: u64,
+    /// How long the job may take to be parked.
+    pub(crate) park: Duration,
 }
 
 /// See the module's text.

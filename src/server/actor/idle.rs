@@ -1,4 +1,5 @@
-//! A connection without a job: temperatures, a person's commands, and heaters that were forgotten.
+//! A connection without a job: temperatures, a person's commands, and heaters or a light that were
+//! forgotten.
 //!
 //! Takes an open port and orders; gives the port on to a job, or says why it is lost. The
 //! protocol is [`Session`]'s: lines are numbered, and what was damaged is sent again.
@@ -35,7 +36,7 @@ pub(super) async fn idle(
     mut connection: Connection,
 ) -> Idle {
     let started = Instant::now();
-    let mut quiet = Quiet::new(actor, &connection);
+    let mut quiet = Quiet::new(actor, &connection, started);
     let mut input = [0_u8; READ_BYTES];
     loop {
         quiet.tell();
@@ -116,6 +117,8 @@ fn ms(started: Instant) -> u64 {
 
 struct Quiet<'a> {
     actor: &'a Actor,
+    /// Where the session's clock begins.
+    started: Instant,
     session: Session,
     /// For the console: the session keeps none of what it understands.
     lines: LineSplitter,
@@ -128,13 +131,14 @@ struct Quiet<'a> {
 }
 
 impl<'a> Quiet<'a> {
-    fn new(actor: &'a Actor, connection: &Connection) -> Self {
+    fn new(actor: &'a Actor, connection: &Connection, started: Instant) -> Self {
         let of = settings::of(&actor.profile, false).session;
         let boot_wait_ms = if connection.awake { 0 } else { of.boot_wait_ms };
         let wire =
             Settings { asks: false, waits_for_link: false, cancel_macro: Vec::new(), boot_wait_ms, ..of };
         Self {
             actor,
+            started,
             session: Session::new(wire, 0),
             lines: LineSplitter::default(),
             connected: false,
@@ -188,6 +192,14 @@ impl<'a> Quiet<'a> {
         });
     }
 
+    /// Whatever was before us, the light is off from now on. It takes no part in what is asked for.
+    fn darken(&mut self) {
+        let now_ms = ms(self.started);
+        for line in settings::light_off(&self.actor.profile) {
+            self.session.command(&line, now_ms);
+        }
+    }
+
     /// Shows what the session tells.
     fn tell(&mut self) {
         let (board, at) = (&self.actor.board, now_unix_s());
@@ -202,8 +214,11 @@ impl<'a> Quiet<'a> {
                         p.words = None;
                         p.firmware = firmware;
                     });
+                    self.darken();
                     (self.actor.tell)(Told::Ready);
                 }
+                // A board that drives a plate tells of heaters that it has not.
+                Event::Temperatures(_) if self.actor.profile.msla().is_some() => {}
                 Event::Temperatures(told) => {
                     board.heat(at, &told);
                     let hot = [told.hotend(), told.bed, told.chamber]
@@ -269,6 +284,10 @@ impl<'a> Quiet<'a> {
     }
 
     fn cool_down(&mut self, now_ms: u64) {
+        // A light that somebody switched on by hand.
+        for line in settings::light_off(&self.actor.profile) {
+            self.session.command(&line, now_ms);
+        }
         if self.hot_since.is_some() {
             for command in HEATERS_OFF {
                 self.session.command(command, now_ms);

@@ -32,7 +32,8 @@ use tokio::time::{Instant, sleep_until, timeout};
 /// Progress is shown so often: nobody reads faster, and each time costs the board's lock.
 const SHOW: Duration = Duration::from_millis(500);
 
-/// How long a daemon that ends waits for the head to be parked.
+/// How long a daemon that ends waits for the head to be parked; of a resin job, for the plate to be
+/// raised once its layer is done.
 const PARK: Duration = Duration::from_secs(45);
 
 /// What comes after a job.
@@ -62,7 +63,9 @@ pub(super) async fn print(
         (p.question, p.waits_for_user, p.plan) = (None, None, None);
     });
     let name = print.name.clone();
-    let done = try_print(actor, orders, print, connection).await;
+    let park = PARK + print.job.longest_layer().div_f64(actor.speed);
+    board.change(|p| p.park = park);
+    let done = try_print(actor, orders, print, connection, park).await;
     let (state, words, safety, next) = match done {
         Ok(Done { end, state, next }) => {
             let (words, safety) = last_words(&end, state);
@@ -96,6 +99,7 @@ async fn try_print(
     orders: &mut mpsc::Receiver<Order>,
     print: Print,
     connection: Connection,
+    park: Duration,
 ) -> anyhow::Result<Done> {
     let profile = &actor.profile;
     let marks = Rc::new(RefCell::new(Marks::default()));
@@ -150,7 +154,7 @@ async fn try_print(
     let Ended { end, port } = {
         let mut running = pin!(run(&mut host, wires));
         loop {
-            let far = Instant::now() + PARK;
+            let far = Instant::now() + park;
             tokio::select! {
                 end = &mut running => break end,
                 () = sleep_until(leave_at.unwrap_or(far)), if leave_at.is_some() => {
@@ -163,7 +167,7 @@ async fn try_print(
                         // The head is parked, away from the part; what runs then is left to
                         // whoever takes it up, or to the guardian.
                         let _ = post.try_send(Mail::Ask(Request::Pause));
-                        leave_at = Some(leaves_at(&actor.board));
+                        leave_at = Some(leaves_at(&actor.board, park));
                     }
                     Some(order) => obey(actor, &post, order),
                 },
@@ -211,9 +215,9 @@ fn display(
 }
 
 /// A job that does not move needs no parking.
-fn leaves_at(board: &Board) -> Instant {
+fn leaves_at(board: &Board, park: Duration) -> Instant {
     let moves = matches!(board.picture().words, Some(words) if words == State::Printing.words());
-    Instant::now() + if moves { PARK } else { Duration::ZERO }
+    Instant::now() + if moves { park } else { Duration::ZERO }
 }
 
 /// Until the head is parked.
@@ -317,6 +321,8 @@ impl Eye<'_> {
             Event::Connected { firmware, .. } | Event::Rejoined { firmware } => {
                 board.change(|p| p.firmware.clone_from(firmware));
             }
+            // A board that drives a plate tells of heaters that it has not.
+            Event::Temperatures(_) if self.actor.profile.msla().is_some() => {}
             Event::Temperatures(told) => board.heat(at, told),
             Event::Resend { .. } => self.resends += 1,
             Event::Probed { timeouts } if *timeouts > 1 => {

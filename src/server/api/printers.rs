@@ -7,6 +7,7 @@ use crate::server::asker::{Control, Print, Read, Who};
 use crate::server::foreman::Message;
 use crate::server::model::{ConsoleLine, Link, Printer, Sample};
 use crate::server::problem::{Kind, Problem, ProblemDetails};
+use crate::station::settings;
 use axum::Json;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
@@ -162,7 +163,7 @@ pub(crate) fn send(station: &Station, commands: &[String]) -> Result<(), Problem
     commands.iter().try_for_each(|command| give(station, Order::Ask(Request::Command(command.clone()))))
 }
 
-/// Where the head is to go: so far along each axis, or home.
+/// Where the head is to go, or the plate: so far along each axis, or home.
 #[derive(Debug, Default, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Jog {
@@ -175,11 +176,27 @@ pub(crate) struct Jog {
 }
 
 impl Jog {
-    /// The commands for it.
+    /// The commands for it, on a printer that is there.
     ///
     /// # Errors
-    /// It says nothing, or too much.
-    pub(crate) fn commands(&self) -> Result<Vec<String>, Problem> {
+    /// It says nothing, or too much, or more than a plate can do: that goes up and down.
+    pub(crate) fn commands(&self, station: &Station) -> Result<Vec<String>, Problem> {
+        let Some(msla) = station.profile.msla() else { return self.of_head() };
+        let across = self.x_mm != 0.0
+            || self.y_mm != 0.0
+            || self.home.iter().any(|axis| !axis.eq_ignore_ascii_case("z"));
+        if across {
+            return Err(Problem::bad("a resin printer's plate goes up and down: only z is taken"));
+        }
+        if !self.home.is_empty() {
+            return Ok(settings::home(msla));
+        }
+        let feed_mm_min = self.feed_mm_min.unwrap_or(JOG_Z_MM_MIN).min(msla.plate.max_mm_min.0);
+        Jog { z_mm: self.z_mm, feed_mm_min: Some(feed_mm_min), ..Jog::default() }.of_head()
+    }
+
+    /// The same for a head.
+    fn of_head(&self) -> Result<Vec<String>, Problem> {
         if !self.home.is_empty() {
             let mut command = String::from("G28");
             for axis in ["x", "y", "z"] {
@@ -217,7 +234,7 @@ impl Jog {
     }
 }
 
-/// Move the head
+/// Move the head, or the plate
 #[utoipa::path(post, path = "/printers/{id}/jog", params(("id" = String, Path)), request_body = Jog,
     responses((status = 202), (status = 400, body = ProblemDetails), (status = 409, body = ProblemDetails)))]
 async fn jog(
@@ -226,7 +243,8 @@ async fn jog(
     Path(id): Path<String>,
     Json(jog): Json<Jog>,
 ) -> Result<StatusCode, Problem> {
-    send(idle(&app, &id)?, &jog.commands()?)?;
+    let station = idle(&app, &id)?;
+    send(station, &jog.commands(station)?)?;
     Ok(StatusCode::ACCEPTED)
 }
 
@@ -401,7 +419,7 @@ mod tests {
     fn a_jog_is_bounded_and_leaves_the_mode_as_it_was() {
         let check = |json: &str, expect: Option<&str>| {
             let jog: Jog = serde_json::from_str(json).unwrap();
-            assert_eq!(jog.commands().ok().map(|c| c.join("|")).as_deref(), expect, "{json}");
+            assert_eq!(jog.of_head().ok().map(|c| c.join("|")).as_deref(), expect, "{json}");
         };
         check(r#"{"x_mm": 10}"#, Some("G91|G1 X10.000 F1500|G90"));
         check(r#"{"z_mm": -0.1}"#, Some("G91|G1 Z-0.100 F300|G90"));

@@ -1,8 +1,9 @@
 //! Uploaded files: kept, looked at, removed, and which of them give way.
-use super::{Foreman, Refusal};
-use crate::server::inspect::{For, Work};
+use super::{Foreman, Place, Refusal};
+use crate::server::inspect::{For, Work, is_resin};
 use crate::server::model::{Check, CheckState, File};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 impl Foreman {
     pub(super) fn uploaded(
@@ -11,6 +12,9 @@ impl Foreman {
         file: File,
         printer: Option<&str>,
     ) -> Result<File, Refusal> {
+        if let Some(printer) = printer {
+            self.fits(upload.path(), &file.name, printer)?;
+        }
         self.make_room(file.bytes);
         self.means.shelf.keep(upload, &file)?;
         let id = file.id.clone();
@@ -49,6 +53,23 @@ impl Foreman {
         Ok(())
     }
 
+    /// Refuses a file of the other kind: pictures for a nozzle, or lines for a display.
+    pub(super) fn fits(&self, content: &Path, name: &str, printer: &str) -> Result<(), Refusal> {
+        let Some(place) = self.places.get(printer) else { return Ok(()) };
+        let shown = place.config.name.as_deref().unwrap_or(printer);
+        let words = match (is_resin(content), place.wants.resin) {
+            (true, false) => {
+                format!("{name} is a resin job, and {shown} prints filament: send it to a resin printer")
+            }
+            (false, true) => format!(
+                "{name} is no resin job (SL1, NanoDLP, GOO), and {shown} is a resin printer: its jobs are pictures. \
+                 Slice the part for resin"
+            ),
+            _ => return Ok(()),
+        };
+        Err(Refusal::Unfit(words))
+    }
+
     /// Has a file looked at for a printer, unless that is done or on its way.
     pub(super) fn look(&mut self, id: &str, printer: &str) {
         let Some(of) = self.of(printer) else { return };
@@ -64,8 +85,9 @@ impl Foreman {
     }
 
     pub(super) fn of(&self, printer: &str) -> Option<For> {
-        let config = &self.places.get(printer)?.config;
+        let Place { config, wants, .. } = self.places.get(printer)?;
         Some(For {
+            resin: wants.resin,
             printer: printer.to_owned(),
             profile: config.profile.clone(),
             material: config.material.clone(),

@@ -23,6 +23,7 @@ impl Foreman {
         if !self.places.contains_key(printer) {
             return Err(Refusal::NoSuch("printer"));
         }
+        self.fits(&self.means.shelf.content(file), &found.name, printer)?;
         if self.jobs.values().filter(|job| job.state.is_before()).count() >= MAX_WAITING {
             return Err(Refusal::Conflict(format!("{MAX_WAITING} jobs wait already")));
         }
@@ -89,8 +90,13 @@ impl Foreman {
         let resin = file.is_some_and(|file| file.kind == Kind::Resin);
         let state = check.map_or(CheckState::Failed, |check| check.state);
         let words = check.and_then(|check| check.words.clone());
-        if resin {
+        // It was queued by an older daemon, or its printer has another profile now.
+        if resin && !place.wants.resin {
             return self.fail(id, "this is a resin job, and the printer prints filament");
+        }
+        let gcode = file.is_some_and(|file| file.kind == Kind::Gcode);
+        if gcode && place.wants.resin {
+            return self.fail(id, "this is G-code, and the printer cures resin: its jobs are pictures");
         }
         let next = match (state, place.config.on_findings) {
             _ if job.approved => Stage::Queued,
@@ -177,6 +183,12 @@ impl Foreman {
         }
     }
 
+    /// The first of the jobs that wait for their turn.
+    pub(super) fn next(&self, printer: &str) -> Option<String> {
+        let queued = self.jobs.values().filter(|job| job.printer == printer && job.state == Stage::Queued);
+        queued.min_by_key(|job| job.place).map(|job| job.id.clone())
+    }
+
     pub(super) fn ask(&self, printer: &str, request: Request) -> Result<(), Refusal> {
         let place = self.places.get(printer).ok_or(Refusal::NoSuch("printer"))?;
         match place.handle.give(Order::Ask(request)) {
@@ -210,10 +222,10 @@ impl Foreman {
         Ok(())
     }
 
+    /// A person has said that nothing is on the bed, or that all is so that a printer of resin may begin.
     pub(super) fn bed_clear(&mut self, printer: &str) -> Result<(), Refusal> {
-        if !self.places.contains_key(printer) {
-            return Err(Refusal::NoSuch("printer"));
-        }
+        let place = self.places.get(printer).ok_or(Refusal::NoSuch("printer"))?;
+        let (asks, ready) = (!place.wants.before.is_empty(), place.ready);
         let standing = |job: &&Job| job.printer == printer && job.state == Stage::Interrupted;
         if let Some(job) = self.jobs.values().find(standing) {
             let words = format!("job {} ({}) was broken off: resume or forget it", job.id, job.name);
@@ -223,6 +235,17 @@ impl Foreman {
             self.jobs.values().filter(|job| rules::lies_on(job, printer)).map(|j| j.id.clone()).collect();
         for id in on_it {
             self.changed(&id, |job| job.cleared = true)?;
+        }
+        // The word is for the next start and no later one: what somebody saw to yesterday may be otherwise.
+        if asks && let Some(id) = self.next(printer) {
+            if !ready {
+                self.show_place(printer);
+                let words =
+                    "the printer cannot begin now: see that it is connected and idle, then say so again";
+                return Err(Refusal::Conflict(words.to_owned()));
+            }
+            self.changed(&id, |job| job.prepared = true)?;
+            self.show(&id);
         }
         self.show_place(printer);
         Ok(())

@@ -25,7 +25,8 @@ use super::config;
 use super::inspect::{Done, Work};
 use super::model::{Can, File, Job};
 use super::shelf::{Shelf, ShelfError};
-use crate::station::Folder;
+use crate::profile::Profile;
+use crate::station::{Folder, settings};
 use std::collections::BTreeMap;
 use std::sync::{Arc, mpsc};
 use tokio::sync::oneshot;
@@ -40,6 +41,9 @@ pub(crate) enum Refusal {
     /// It cannot be now.
     #[error("{0}")]
     Conflict(String),
+    /// A file is of no use to a printer.
+    #[error("{0}")]
+    Unfit(String),
     /// The medium refuses.
     #[error(transparent)]
     Shelf(#[from] ShelfError),
@@ -151,6 +155,7 @@ pub(crate) enum Message {
 /// One printer, as the foreman knows it.
 struct Place {
     config: config::Printer,
+    wants: Wants,
     handle: Handle,
     /// It can take a job.
     ready: bool,
@@ -158,6 +163,23 @@ struct Place {
     preparing: Option<String>,
     /// Its actor has ended.
     gone: bool,
+}
+
+/// What a printer wants of jobs and people, by its profile.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Wants {
+    /// Its jobs are pictures: it cures resin.
+    pub(crate) resin: bool,
+    /// What a person must have seen to before each print.
+    pub(crate) before: Vec<String>,
+}
+
+impl Wants {
+    /// Those of a profile.
+    pub(crate) fn of(profile: &Profile) -> Self {
+        let before = settings::asks(profile).into_iter().map(str::to_owned).collect();
+        Self { resin: profile.msla().is_some(), before }
+    }
 }
 
 /// What the foreman needs.
@@ -199,9 +221,10 @@ impl Foreman {
     }
 
     /// A printer that is there from now on.
-    pub(crate) fn place(&mut self, config: config::Printer, handle: Handle) {
+    pub(crate) fn place(&mut self, config: config::Printer, wants: Wants, handle: Handle) {
         let id = config.id.clone();
-        self.places.insert(id, Place { config, handle, ready: false, preparing: None, gone: false });
+        let place = Place { config, wants, handle, ready: false, preparing: None, gone: false };
+        self.places.insert(id, place);
     }
 
     /// Hears messages until the daemon and all its printers have ended.

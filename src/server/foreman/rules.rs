@@ -27,9 +27,14 @@ pub(super) fn lies_on(job: &Job, printer: &str) -> bool {
     job.printer == printer && job.started_unix_s.is_some() && !job.cleared && !job.state.is_running()
 }
 
+/// Whether a person's word is still wanted before a job may start. `before`: what must be seen to.
+pub(super) fn wants_word(job: &Job, bed_clear: bool, before: &[String]) -> bool {
+    !job.start_anyway && (!bed_clear || (!before.is_empty() && !job.prepared))
+}
+
 /// What stands around a job.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Around {
+pub(super) struct Around<'a> {
     /// It is the next of those that wait.
     pub(super) first: bool,
     /// A broken-off job has the bed.
@@ -42,10 +47,14 @@ pub(super) struct Around {
     pub(super) ready: bool,
     /// The printer is in the configuration.
     pub(super) there: bool,
+    /// It cures resin.
+    pub(super) resin: bool,
+    /// What a person must have seen to before each print.
+    pub(super) before: &'a [String],
 }
 
 /// What a job waits for, for people.
-pub(super) fn waits_for(job: &Job, around: &Around) -> Option<String> {
+pub(super) fn waits_for(job: &Job, around: &Around<'_>) -> Option<String> {
     let words = match job.state {
         Stage::Held => "you: look at what was found, then mend it or print it anyway",
         Stage::Mended => "your yes on the picture of the mended job",
@@ -57,11 +66,20 @@ pub(super) fn waits_for(job: &Job, around: &Around) -> Option<String> {
         Stage::Queued if around.busy => "the job that is printed",
         Stage::Queued if around.broken_off => "the broken-off job: resume or forget it",
         Stage::Queued if !around.first => "the jobs before it",
-        Stage::Queued if !around.bed_clear && !job.start_anyway => "your word that the bed is clear",
+        Stage::Queued if wants_word(job, around.bed_clear, around.before) => return Some(word(around)),
         Stage::Queued if !around.ready => "the printer to be connected",
         _ => return None,
     };
     Some(words.to_owned())
+}
+
+/// The word that a person is asked for.
+fn word(around: &Around<'_>) -> String {
+    match (around.before, around.resin) {
+        ([], true) => "your word that the plate is empty".to_owned(),
+        ([], false) => "your word that the bed is clear".to_owned(),
+        (before, _) => format!("your word that {}", before.join("; ")),
+    }
 }
 
 #[cfg(test)]
@@ -105,10 +123,18 @@ mod tests {
 
     #[test]
     fn a_waiting_job_says_what_for() {
-        let clear =
-            Around { first: true, broken_off: false, busy: false, bed_clear: true, ready: true, there: true };
+        let clear = Around {
+            first: true,
+            broken_off: false,
+            busy: false,
+            bed_clear: true,
+            ready: true,
+            there: true,
+            resin: false,
+            before: &[],
+        };
         let job = Job { state: Stage::Queued, ..Job::default() };
-        let check = |around: Around, expect: Option<&str>| {
+        let check = |around: Around<'_>, expect: Option<&str>| {
             let words = waits_for(&job, &around);
             assert_eq!(words.is_some(), expect.is_some(), "{around:?}");
             assert!(words.unwrap_or_default().contains(expect.unwrap_or_default()), "{around:?}");
@@ -119,6 +145,25 @@ mod tests {
         check(Around { bed_clear: false, ..clear }, Some("bed is clear"));
         check(Around { ready: false, ..clear }, Some("connected"));
         check(Around { broken_off: true, ..clear }, Some("broken-off"));
+        check(Around { bed_clear: false, resin: true, ..clear }, Some("plate is empty"));
+        let before = ["the plate is empty".to_owned(), "the cover is closed".to_owned()];
+        check(Around { before: &before, ..clear }, Some("the plate is empty; the cover is closed"));
+    }
+
+    #[test]
+    fn a_word_holds_for_what_it_was_given_for() {
+        let before = ["the vat is full".to_owned()];
+        let check = |bed_clear, before: &[String], [prepared, start_anyway]: [bool; 2], expect| {
+            let job = Job { prepared, start_anyway, ..Job::default() };
+            assert_eq!(wants_word(&job, bed_clear, before), expect, "{bed_clear} {before:?} {job:?}");
+        };
+        check(true, &[], [false, false], false);
+        check(false, &[], [false, false], true);
+        check(false, &[], [false, true], false);
+        check(true, &before, [false, false], true);
+        check(true, &before, [true, false], false);
+        check(false, &before, [true, false], true);
+        check(false, &before, [false, true], false);
     }
 
     #[test]

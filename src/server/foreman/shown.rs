@@ -46,12 +46,7 @@ impl Foreman {
         shown.state_words = job.state.words().to_owned();
         shown.can = rules::can(job);
         let place = self.places.get(printer);
-        let first = self
-            .jobs
-            .values()
-            .filter(|other| other.printer == printer && other.state == Stage::Queued)
-            .min_by_key(|other| other.place)
-            .is_some_and(|first| first.id == job.id);
+        let first = self.next(printer).is_some_and(|first| first == job.id);
         let asks = place.is_none_or(|place| place.config.clear_bed == ClearBed::Ask);
         let broken_off = self.jobs.values().any(|o| o.printer == printer && o.state == Stage::Interrupted);
         let busy = self.jobs.values().any(|o| o.printer == printer && o.state.is_running());
@@ -64,6 +59,8 @@ impl Foreman {
                 bed_clear: !asks || !self.jobs.values().any(|other| rules::lies_on(other, printer)),
                 ready: place.is_some_and(|place| place.ready),
                 there: place.is_some(),
+                resin: place.is_some_and(|place| place.wants.resin),
+                before: place.map_or(&[], |place| place.wants.before.as_slice()),
             },
         );
         shown

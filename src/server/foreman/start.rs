@@ -139,8 +139,13 @@ pub(super) fn forget(foreman: &mut Foreman, id: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// After a restart: jobs that a host had stand as their journals say.
+/// After a restart: jobs that a host had stand as their journals say, and what a person had seen to is to
+/// be seen to again.
 pub(super) fn settle(foreman: &mut Foreman) {
+    let said: Vec<_> = foreman.jobs.values().filter(|job| job.prepared).map(|job| job.id.clone()).collect();
+    for id in said {
+        foreman.change(&id, |job| job.prepared = false);
+    }
     let begun: Vec<_> = foreman
         .jobs
         .values()

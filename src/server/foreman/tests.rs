@@ -30,6 +30,10 @@ impl Desk {
 
     /// A foreman over a folder that another may have used before.
     fn over(folder: tempfile::TempDir, on_findings: OnFindings) -> Self {
+        Self::of(folder, on_findings, Wants::default())
+    }
+
+    fn of(folder: tempfile::TempDir, on_findings: OnFindings, wants: Wants) -> Self {
         let shelf = Shelf::open(folder.path()).unwrap();
         let (work, works) = mpsc::channel();
         let (post, inbox) = mpsc::channel();
@@ -46,7 +50,7 @@ impl Desk {
         let found = shelf.read();
         let mut foreman = Foreman::new(means, found.files, found.jobs);
         let (handle, orders) = Handle::fake();
-        foreman.place(printer(on_findings), handle);
+        foreman.place(printer(on_findings), wants, handle);
         foreman.begin();
         Self { foreman, orders, works, inbox, view, folder }
     }
@@ -94,6 +98,13 @@ impl Desk {
         let check = Check { state, findings: vec![finding], ..Check::default() };
         let (file, printer) = (file.to_owned(), "p".to_owned());
         self.hear(Message::Done(Done::Looked { file, printer, kind: Kind::Gcode, check: Box::new(check) }));
+    }
+
+    /// A person says that the bed is clear, or that all is so that the printer may begin.
+    fn word(&mut self) -> Result<(), Refusal> {
+        let (answer, mut told) = oneshot::channel();
+        self.hear(Message::BedClear { printer: "p".to_owned(), answer });
+        told.try_recv().unwrap()
     }
 
     fn told(&mut self, told: Told) {
@@ -202,12 +213,55 @@ fn the_next_job_waits_for_a_clear_bed() {
     desk.told(Told::Ready);
     assert!(desk.inbox.try_recv().is_err(), "the bed was not said to be clear");
     assert!(!desk.view.place("p").bed_clear);
-    let (answer, mut told) = oneshot::channel();
-    desk.hear(Message::BedClear { printer: "p".to_owned(), answer });
-    told.try_recv().unwrap().unwrap();
+    desk.word().unwrap();
     assert!(desk.view.place("p").bed_clear);
     desk.ready();
     assert_eq!(desk.state(&second), Stage::Starting);
+}
+
+#[test]
+fn what_a_person_must_have_seen_to_is_asked_for_before_each_start() {
+    let wants = Wants { before: vec!["the vat is full".to_owned()], ..Wants::default() };
+    let mut desk = Desk::of(tempfile::tempdir().unwrap(), OnFindings::Hold, wants);
+    let file = desk.upload(TEXT);
+    // Said before there is a job, it is for none.
+    desk.word().unwrap();
+    let job = desk.queue(&file, false).unwrap();
+    desk.looked(&file, CheckState::Clean);
+    assert!(desk.word().is_err(), "nobody knows how the printer will be when it is switched on");
+    desk.told(Told::Ready);
+    assert_eq!(desk.job(&job).waits_for.as_deref(), Some("your word that the vat is full"));
+    assert!(desk.inbox.try_recv().is_err());
+    desk.word().unwrap();
+    assert!(desk.job(&job).prepared);
+    desk.ready();
+    assert_eq!((desk.state(&job), desk.job(&job).prepared), (Stage::Starting, false));
+    desk.told(Told::Job(job.clone(), State::Printing));
+    let next = desk.queue(&file, false).unwrap();
+    assert!(desk.word().is_err(), "what is seen to while it prints is not what will be");
+    desk.told(Told::Job(job.clone(), State::Finished));
+    desk.told(Told::Over { job, state: State::Finished, words: None, safety: None });
+    desk.told(Told::Ready);
+    assert_eq!(desk.state(&next), Stage::Queued, "each start wants its own word");
+    desk.act(&next, Can::Start).unwrap();
+    desk.ready();
+    assert_eq!(desk.state(&next), Stage::Starting);
+}
+
+#[test]
+fn what_was_seen_to_does_not_outlast_the_connection() {
+    let wants = Wants { before: vec!["the vat is full".to_owned()], ..Wants::default() };
+    let mut desk = Desk::of(tempfile::tempdir().unwrap(), OnFindings::Hold, wants);
+    let file = desk.upload(TEXT);
+    let job = desk.queue(&file, false).unwrap();
+    desk.looked(&file, CheckState::Clean);
+    desk.told(Told::Ready);
+    desk.word().unwrap();
+    // The printer goes before the job was got ready for it, and with it what was said of it.
+    let message = desk.inbox.recv_timeout(std::time::Duration::from_secs(20)).unwrap();
+    desk.told(Told::Away);
+    drop(message);
+    assert_eq!((desk.state(&job), desk.job(&job).prepared), (Stage::Queued, false));
 }
 
 #[test]

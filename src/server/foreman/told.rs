@@ -45,7 +45,10 @@ impl Foreman {
     pub(super) fn told(&mut self, printer: &str, told: Told) {
         match told {
             Told::Ready => self.set_ready(printer, true),
-            Told::Away => self.set_ready(printer, false),
+            Told::Away => {
+                self.set_ready(printer, false);
+                self.take_words_back(printer);
+            }
             Told::Gone => {
                 self.set_ready(printer, false);
                 if let Some(place) = self.places.get_mut(printer) {
@@ -66,7 +69,11 @@ impl Foreman {
             Told::Over { job, state, words, safety } => {
                 self.set_ready(printer, false);
                 if let Some(crate::printer::session::Safety::Unknown) = safety {
-                    tracing::error!(printer, job, "heaters may be on: the printer confirmed nothing");
+                    tracing::error!(
+                        printer,
+                        job,
+                        "heaters or the light may be on: the printer confirmed nothing"
+                    );
                 }
                 self.change(&job, |job| match state {
                     // Nothing of it was sent: it waits on.
@@ -92,6 +99,15 @@ impl Foreman {
         }
     }
 
+    /// A printer that was away may have been opened, filled or emptied: what was said of it no longer counts.
+    fn take_words_back(&mut self, printer: &str) {
+        let said = |job: &&Job| job.printer == printer && job.state == Stage::Queued && job.prepared;
+        let ids: Vec<_> = self.jobs.values().filter(said).map(|job| job.id.clone()).collect();
+        for id in ids {
+            self.change(&id, |job| job.prepared = false);
+        }
+    }
+
     pub(super) fn set_ready(&mut self, printer: &str, ready: bool) {
         if let Some(place) = self.places.get_mut(printer) {
             place.ready = ready;
@@ -110,6 +126,7 @@ impl Foreman {
                 // From here on a restart looks for its journal: it is never started twice.
                 let noted = self.changed(id, |job| {
                     (job.state, job.record, job.error) = (Stage::Starting, Some(record), None);
+                    job.prepared = false;
                     job.ended_unix_s = None;
                 });
                 if let Err(why) = noted {
@@ -120,7 +137,10 @@ impl Foreman {
                     && let Err(why) = guardian::start(&self.means.folder.store, record)
                 {
                     let why = causes::line(&why);
-                    tracing::warn!(job = id, "no guardian ({why}): if this process dies, heaters stay on");
+                    tracing::warn!(
+                        job = id,
+                        "no guardian ({why}): if this process dies, heaters or the light stay on"
+                    );
                 }
                 let place = &self.places[&printer];
                 if !place.handle.give(Order::Print(print)) {
@@ -158,13 +178,8 @@ impl Foreman {
             if self.jobs.values().any(broken_off) {
                 continue;
             }
-            let next = self
-                .jobs
-                .values()
-                .filter(|job| job.printer == printer && job.state == Stage::Queued)
-                .min_by_key(|job| job.place)
-                .filter(|job| clear || job.start_anyway)
-                .map(|job| job.id.clone());
+            let before = &place.wants.before;
+            let next = self.next(&printer).filter(|id| !rules::wants_word(&self.jobs[id], clear, before));
             if let Some(id) = next {
                 start::fresh(self, &id);
             }

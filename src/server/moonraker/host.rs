@@ -2,6 +2,7 @@
 use super::objects::klippy;
 use crate::server::app::App;
 use crate::server::metrics::kernel;
+use crate::server::model::PrinterKind;
 use crate::server::octoprint::asked::At;
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -106,7 +107,10 @@ pub(super) fn temperature_store(at: &At) -> Value {
         let temperatures = column(actual);
         json!({"powers": vec![0.0; temperatures.len()], "targets": column(target), "temperatures": temperatures})
     };
-    json!({"extruder": heater(1, 2), "heater_bed": heater(3, 4)})
+    match at.station().kind() {
+        PrinterKind::Fdm => json!({"extruder": heater(1, 2), "heater_bed": heater(3, 4)}),
+        PrinterKind::Msla => json!({}),
+    }
 }
 
 pub(super) fn gcode_store(at: &At, count: usize) -> Value {

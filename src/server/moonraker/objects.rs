@@ -3,7 +3,7 @@
 //! Takes [`Now`]; gives all objects, what a client wants of them, and what has changed. What firmwares
 //! do not tell (positions of X and Y, the heaters' power) is 0.
 use super::host::system_stats;
-use crate::server::model::{Heater, Stage};
+use crate::server::model::{Heater, PrinterKind, Stage};
 use crate::server::octoprint::asked::{Doing, Now};
 use serde_json::{Map, Value, json};
 
@@ -74,6 +74,8 @@ pub(super) fn all(now: &Now, size: u64) -> Status {
     let position = json!([0.0, 0.0, at.z_mm.unwrap_or(0.0), 0.0]);
     let layer = |n: u64| (n > 0).then_some(n);
     let heat = now.printer.temperatures;
+    // A resin printer has neither nozzle nor heaters: what is not there tells no temperature.
+    let melts = now.printer.kind == PrinterKind::Fdm;
     let mut all = Map::new();
     let mut object = |name: &str, value: Value| drop(all.insert(name.to_owned(), value));
     object("webhooks", json!({"state": klippy, "state_message": klippy_words}));
@@ -107,8 +109,12 @@ pub(super) fn all(now: &Now, size: u64) -> Status {
         "toolhead",
         json!({
             "position": position,
-            "homed_axes": if running { "xyz" } else { "" },
-            "extruder": "extruder",
+            "homed_axes": match (running, melts) {
+                (true, true) => "xyz",
+                (true, false) => "z",
+                (false, _) => "",
+            },
+            "extruder": if melts { "extruder" } else { "" },
             "print_time": printed_s,
             "axis_minimum": [0.0, 0.0, 0.0, 0.0],
             "axis_maximum": [now.printer.bed_mm.x, now.printer.bed_mm.y, now.printer.bed_mm.z, 0.0],
@@ -129,7 +135,9 @@ pub(super) fn all(now: &Now, size: u64) -> Status {
         "motion_report",
         json!({"live_position": position, "live_velocity": 0.0, "live_extruder_velocity": 0.0}),
     );
-    object("extruder", heater(heat.nozzle));
+    if melts {
+        object("extruder", heater(heat.nozzle));
+    }
     if now.printer.limits.bed_c > 0.0 {
         object("heater_bed", heater(heat.bed));
     }

@@ -5,6 +5,7 @@ use super::plain::{Control, Plain, Read, json};
 use crate::profile::printer::{BedShape, Origin};
 use crate::server::api::printers::{Wanted, action};
 use crate::server::app::App;
+use crate::server::model::PrinterKind;
 use crate::server::problem::{Kind, Problem};
 use axum::body::Bytes;
 use axum::http::StatusCode;
@@ -35,9 +36,13 @@ pub(super) fn routes() -> Router<Arc<App>> {
         .route("/api/system/commands/{source}/{action}", post(no_command))
 }
 
-/// PrusaLink's clients ask here, too: hence the capability.
-async fn version(_: Read) -> Json<Value> {
-    let text = format!("OctoPrint {VERSION}");
+/// PrusaLink's clients ask here, too: hence the capability. PrusaSlicer sends resin jobs only to who
+/// calls itself so.
+async fn version(Read(Asked { at, .. }): Read) -> Json<Value> {
+    let text = match at.station().kind() {
+        PrinterKind::Fdm => format!("OctoPrint {VERSION}"),
+        PrinterKind::Msla => concat!("Prusa SLA (Outrigger ", env!("CARGO_PKG_VERSION"), ")").to_owned(),
+    };
     Json(json!({"api": "0.1", "server": VERSION, "text": text, "capabilities": {"upload-by-put": true}}))
 }
 

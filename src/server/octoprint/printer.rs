@@ -4,7 +4,7 @@ use super::job::state_text;
 use super::plain::{Control, Plain, Read, json};
 use crate::server::api::printers::{Hot, Jog, may_command, send};
 use crate::server::app::App;
-use crate::server::model::{Heat, Heater, Sample, Stage};
+use crate::server::model::{Heat, Heater, PrinterKind, Sample, Stage};
 use crate::server::problem::Problem;
 use axum::body::Bytes;
 use axum::extract::Query;
@@ -161,7 +161,16 @@ fn per_cent(factor: Option<f64>) -> Result<f64, Plain> {
     }
 }
 
+/// Refuses where there is neither nozzle nor bed.
+fn melts(at: &At) -> Result<(), Plain> {
+    match at.station().kind() {
+        PrinterKind::Fdm => Ok(()),
+        PrinterKind::Msla => Err(bad("this is a resin printer: it has no extruder and no heater")),
+    }
+}
+
 async fn set_tool(Control(Asked { at, .. }): Control, body: Bytes) -> Result<StatusCode, Plain> {
+    melts(&at)?;
     let wanted: Wanted = json(&body)?;
     let other = wanted.targets.keys().chain(&wanted.tool).any(|tool| tool != "tool0");
     if other {
@@ -209,9 +218,13 @@ async fn print_head(Control(Asked { at, .. }): Control, body: Bytes) -> Result<S
             feed_mm_min: wanted.speed,
             home: Vec::new(),
         }
-        .commands()?,
+        .commands(at.station())?,
         "home" if wanted.axes.is_empty() => return Err(bad("say `axes`: some of x, y, z")),
-        "home" => Jog { home: wanted.axes, ..Jog::default() }.commands()?,
+        "home" => Jog { home: wanted.axes, ..Jog::default() }.commands(at.station())?,
+        // The speed of a plate is what keeps the part on it.
+        "feedrate" if at.station().kind() == PrinterKind::Msla => {
+            return Err(bad("this is a resin printer: its job says how fast the plate moves"));
+        }
         "feedrate" => vec![format!("M220 S{:.0}", per_cent(wanted.factor)?)],
         _ => return Err(bad("`command` is jog, home or feedrate")),
     };
