@@ -346,6 +346,8 @@ fn every_layer_is_shown_and_exposed_once_and_in_order() {
     let shown = rig.shown();
     assert_eq!(layers_shown(&rig.mock.path("shown")), (0..LAYERS).collect::<Vec<_>>());
     // Dark before the first, between any two, and behind the last.
+    let left = common::names(&rig.mock.path("shown"));
+    assert!(!left.iter().any(|name| name.starts_with('.')), "{left:?}");
     assert_eq!((shown[0].0.as_str(), shown[shown.len() - 1].0.as_str()), ("blank", "blank"));
     assert!(shown.windows(2).all(|two| two.iter().any(|(what, _)| what == "blank")), "{shown:?}");
     let dark: Vec<_> = shown.iter().filter(|(what, _)| what == "blank").map(|(_, sum)| sum).collect();

@@ -97,6 +97,8 @@ impl Folder {
         let (fresh, current) = (self.path.join(FRESH), self.path.join(CURRENT));
         twin(file, &fresh).map_err(io_error("write", &fresh))?;
         fs::rename(&fresh, &current).map_err(io_error("replace", &current))?;
+        // Dark after dark: where both are links to one file, a rename does nothing and leaves both.
+        let _ = fs::remove_file(&fresh);
         self.count = count;
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let at_unix_ns = u64::try_from(since.as_nanos()).unwrap_or(u64::MAX);
