@@ -88,7 +88,8 @@ impl Job {
             anyhow::bail!("{PROFILE} is no printer of resin")
         };
         let accel_mm_s2 = plate.accel_mm_s2.0;
-        let mut dynamics = Dynamics { print_mm_s2: accel_mm_s2, travel_mm_s2: accel_mm_s2, ..machine.dynamics };
+        let mut dynamics =
+            Dynamics { print_mm_s2: accel_mm_s2, travel_mm_s2: accel_mm_s2, ..machine.dynamics };
         dynamics.max_feed_mm_s[2] = plate.max_mm_min.0 / 60.0;
         dynamics.max_accel_mm_s2[2] = accel_mm_s2;
         Ok(Config { machine: Machine { dynamics, ..machine }, ..config })

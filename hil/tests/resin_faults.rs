@@ -264,7 +264,11 @@ fn a_person_pauses_or_cancels_at_any_instant() {
                 not_too_long(&done, &what);
             }
             let last = job.layers.len() as u64 * 11;
-            assert!(report.state == State::Cancelled || report.sent as u64 > last, "{what}: {:?}", report.state);
+            assert!(
+                report.state == State::Cancelled || report.sent as u64 > last,
+                "{what}: {:?}",
+                report.state
+            );
             let part_mm = report.stats.part_top_mm;
             let clear = part_mm == 0.0 || report.stats.true_position_mm[2] > part_mm + 15.0;
             assert!(clear && !report.stats.light_on, "{what}: {:?}", report.stats.true_position_mm);
@@ -287,7 +291,11 @@ fn the_display_fails_at_any_of_its_tasks() {
                 let (report, done) = print(&job, Vec::new(), fails);
                 sound(&report, &done, &what);
                 not_too_long(&done, &what);
-                assert!(matches!(report.state, State::Failed | State::Finished), "{what}: {:?}", report.state);
+                assert!(
+                    matches!(report.state, State::Failed | State::Finished),
+                    "{what}: {:?}",
+                    report.state
+                );
                 assert!(!report.stats.light_on, "{what}");
             }
         }

@@ -64,9 +64,7 @@ pub fn host_settings(profile: &crate::profile::Profile, macros: bool) -> crate::
 }
 
 /// How a resin printer of this profile is told; `None` where it is none. For the rig, too.
-pub fn resin_rules(
-    profile: &crate::profile::Profile,
-) -> Option<crate::printer::exposure::script::Rules> {
+pub fn resin_rules(profile: &crate::profile::Profile) -> Option<crate::printer::exposure::script::Rules> {
     profile.msla().map(crate::station::settings::script_rules)
 }
 

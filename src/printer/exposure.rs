@@ -262,9 +262,8 @@ impl Exposure {
 
     /// When light off, which was sent, should have been acknowledged.
     fn off_overdue_ms(&self) -> Option<u64> {
-        let lit = self.phase == Phase::Exposing
-            && self.timing() != Timing::Pulse
-            && self.questions < OFF_QUESTIONS;
+        let lit =
+            self.phase == Phase::Exposing && self.timing() != Timing::Pulse && self.questions < OFF_QUESTIONS;
         let [_, off] = self.script.lit_between().filter(|_| lit)?;
         (self.taken >= off && self.acked < off).then_some(self.off_ms)
     }
@@ -467,9 +466,7 @@ impl Exposure {
                 self.notes = true;
             }
             Phase::Settling
-                if self.waited
-                    && self.loaded == Some(layer)
-                    && self.durable >= self.script.place().lines =>
+                if self.waited && self.loaded == Some(layer) && self.durable >= self.script.place().lines =>
             {
                 self.phase = Phase::Showing;
                 self.screen = false;
@@ -493,11 +490,7 @@ impl Exposure {
                     self.want_loaded(layer + 1, orders);
                 }
             }
-            Phase::Resting
-                if self.waited
-                    && self.screen
-                    && self.durable >= self.script.place().lines =>
-            {
+            Phase::Resting if self.waited && self.screen && self.durable >= self.script.place().lines => {
                 self.phase = Phase::Lifting;
             }
             _ => return false,

@@ -132,12 +132,8 @@ mod tests {
     use outrigger::printer::mock::Moment;
 
     fn layers() -> Vec<Layer> {
-        let layer = |n: u32| Layer {
-            z_mm: f64::from(n) * 0.05,
-            exposure_ms: 2_000,
-            power: 255,
-            ..Layer::default()
-        };
+        let layer =
+            |n: u32| Layer { z_mm: f64::from(n) * 0.05, exposure_ms: 2_000, power: 255, ..Layer::default() };
         (1..=3).map(layer).collect()
     }
 
@@ -147,11 +143,7 @@ mod tests {
     }
 
     /// Pulses (from and to, ms, Z), pictures (from, ms): what is wrong, too long, and missing at the end.
-    fn check(
-        pulses: &[(u64, Option<u64>, f64)],
-        shown: &[(u64, Option<u32>)],
-        expect: [Option<&str>; 3],
-    ) {
+    fn check(pulses: &[(u64, Option<u64>, f64)], shown: &[(u64, Option<u32>)], expect: [Option<&str>; 3]) {
         let light: Vec<_> = pulses.iter().map(|(from, to, z)| pulse(*from, *to, *z)).collect();
         let shown: Vec<_> = shown.iter().map(|(ms, layer)| (ms * 1_000_000, *layer)).collect();
         let done = exposed(&layers(), &light, &shown, 1.0);
@@ -178,18 +170,34 @@ mod tests {
         };
         check(&good, &PICTURES, [None; 3]);
         check(&with(1, (4_500, Some(6_590), 0.1)), &PICTURES, [None, None, Some("layer 2 was")]);
-        check(&with(1, (4_500, Some(6_610), 0.1)), &PICTURES, [None, Some("lit for 2.1100"), Some("layer 2 was")]);
-        check(&with(2, (8_500, None, 0.15)), &PICTURES, [None, Some("stays on"), Some("layer 3 was exposed 0 times")]);
+        check(
+            &with(1, (4_500, Some(6_610), 0.1)),
+            &PICTURES,
+            [None, Some("lit for 2.1100"), Some("layer 2 was")],
+        );
+        check(
+            &with(2, (8_500, None, 0.15)),
+            &PICTURES,
+            [None, Some("stays on"), Some("layer 3 was exposed 0 times")],
+        );
         check(&with(0, (500, Some(2_500), 0.06)), &PICTURES, [Some("at Z 0.0600"), None, None]);
-        check(&with(0, (1_500, Some(3_500), 0.05)), &PICTURES, [Some("became None in the light"), None, None]);
-        check(&with(0, (3_500, Some(3_600), 0.05)), &PICTURES, [Some("without a picture"), None, Some("0 times")]);
+        check(
+            &with(0, (1_500, Some(3_500), 0.05)),
+            &PICTURES,
+            [Some("became None in the light"), None, None],
+        );
+        check(
+            &with(0, (3_500, Some(3_600), 0.05)),
+            &PICTURES,
+            [Some("without a picture"), None, Some("0 times")],
+        );
         check(&good[..2], &PICTURES, [None, None, Some("layer 3 was exposed 0 times")]);
         let out_of_order = [(0, Some(1)), (3_000, None), (4_000, Some(0))];
-        check(&[(500, Some(2_500), 0.1), (4_500, Some(6_500), 0.05)], &out_of_order, [
-            Some("after layer 2"),
-            None,
-            Some("layer 3"),
-        ]);
+        check(
+            &[(500, Some(2_500), 0.1), (4_500, Some(6_500), 0.05)],
+            &out_of_order,
+            [Some("after layer 2"), None, Some("layer 3")],
+        );
     }
 
     #[test]

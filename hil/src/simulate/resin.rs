@@ -271,7 +271,9 @@ impl Run {
             () if self.report.deeds.iter().any(tail) => Some("the tail of a line was executed"),
             () if self.had(&[Kind::Hang]) => Some("the board hung"),
             () if self.had(&[Kind::Halt]) && self.had(&DEAF) => Some("halted, and the host did not hear it"),
-            () if self.had(&[Kind::Halt, Kind::EmergencyStop]) && !self.hard_stop => Some("halted, and no reset"),
+            () if self.had(&[Kind::Halt, Kind::EmergencyStop]) && !self.hard_stop => {
+                Some("halted, and no reset")
+            }
             () => None,
         }
     }
@@ -286,7 +288,8 @@ impl Run {
     /// 6: something after a start, and no person had said that all is clear.
     fn without_a_word(&self) -> Option<String> {
         let starts: Vec<_> = self.starts_in_mid_job().collect();
-        let moves = self.report.deeds.iter().filter(|d| d.command.starts_with("G1") || d.command.starts_with("G28"));
+        let moves =
+            self.report.deeds.iter().filter(|d| d.command.starts_with("G1") || d.command.starts_with("G28"));
         let moves = moves.map(|d| (d.at_ns, d.command.as_str()));
         let pulses = self.report.light.iter().map(|pulse| (pulse.begin.at_ns, "the light"));
         for (at_ns, what) in moves.chain(pulses) {
@@ -319,7 +322,9 @@ impl Run {
         tally.mishaps += self.report.mishaps;
         tally.heirs += u64::from(self.report.processes - 1);
         tally.starts += self.starts_in_mid_job().count() as u64;
-        tally.again += (0..self.job.layers.len() as u32).map(|layer| again(&self.report.told, layer) as u64).sum::<u64>();
+        tally.again += (0..self.job.layers.len() as u32)
+            .map(|layer| again(&self.report.told, layer) as u64)
+            .sum::<u64>();
         tally.simulated_s += self.report.ended_ns as f64 / 1e9;
         if let Some(text) = wrong {
             tally.failures.push(Failure { seed: self.seed, text });

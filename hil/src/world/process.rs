@@ -90,9 +90,7 @@ impl World {
                 self.panel.borrow_mut().begins();
                 Lines::Plate(Box::new(Plate::new(resin.script.clone(), Rc::clone(&self.panel))))
             }
-            None => {
-                Lines::File(Reading::new(self.plan.commands.clone(), Arc::clone(&self.life.changed_at)))
-            }
+            None => Lines::File(Reading::new(self.plan.commands.clone(), Arc::clone(&self.life.changed_at))),
         };
         self.host = Some(Host::new(settings, lines, &begin, self.now_ms()));
     }

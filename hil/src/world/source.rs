@@ -1,7 +1,7 @@
 //! A job's lines, as a host reads them.
 use super::plate::Plate;
-use outrigger::printer::source::{Back, JobLine, May, News, Source, SourceError};
 use outrigger::printer::exposure::script::Script;
+use outrigger::printer::source::{Back, JobLine, May, News, Source, SourceError};
 use outrigger_gcode::checksum::sendable;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

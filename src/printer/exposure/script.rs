@@ -307,11 +307,11 @@ impl Script {
         let z_mm = self.needs(place.layer).z_mm;
         match place.step {
             // On the way, or still up where the layer before has left it.
-            Step::Check(_) | Step::Home | Step::Lower => Standing { from: start, layer: place.layer, exposed: false, at_mm: None },
-            Step::Expose => Standing { from: start, layer: place.layer, exposed: true, at_mm: Some(z_mm) },
-            Step::Lift => {
-                Standing { from: end, layer: place.layer + 1, exposed: false, at_mm: None }
+            Step::Check(_) | Step::Home | Step::Lower => {
+                Standing { from: start, layer: place.layer, exposed: false, at_mm: None }
             }
+            Step::Expose => Standing { from: start, layer: place.layer, exposed: true, at_mm: Some(z_mm) },
+            Step::Lift => Standing { from: end, layer: place.layer + 1, exposed: false, at_mm: None },
         }
     }
 

@@ -55,7 +55,8 @@ impl Play {
     /// Takes all lines that may go.
     fn feed(&mut self) -> Vec<String> {
         let mut fed = Vec::new();
-        while self.machine.may() != May::Wait && self.machine.script().place().layer < self.machine.script().layers()
+        while self.machine.may() != May::Wait
+            && self.machine.script().place().layer < self.machine.script().layers()
         {
             self.on(Event::Taken);
             fed.push(self.machine.script().line().to_owned());
@@ -153,7 +154,11 @@ fn what_is_no_matter_of_time_is_not_asked_for_all_the_time() {
     p.say(Step::Expose);
     assert_eq!((p.machine.phase(), p.machine.due_ms()), (Phase::Resting, Some(700)));
     p.pass(200);
-    assert_eq!((p.machine.phase(), p.machine.due_ms()), (Phase::Resting, None), "the display is not dark yet");
+    assert_eq!(
+        (p.machine.phase(), p.machine.due_ms()),
+        (Phase::Resting, None),
+        "the display is not dark yet"
+    );
 }
 
 #[test]
