@@ -19,7 +19,7 @@
 //! No host can switch off a light that hangs on a board that does not run ([`Kind::Hang`]), or on
 //! one that it does not reach. Where the controller keeps the time, the latter is the cable being
 //! cut after the line with light on has arrived and before that with light off has; such runs are
-//! counted. A board that was halted while no host is there is the watchdog's. And where the
+//! counted. So are those in which a board halts while no host is there or hears it: the watchdog's. And where the
 //! controller keeps the time, behind a damaged line the firmware may take the tail of the next for a
 //! line of its own: light on, or the dwell once more.
 use super::{FAILURES_MAX, Failure, LIMIT_NS, TAIL_LINES, lock};
@@ -270,6 +270,7 @@ impl Run {
         match () {
             () if self.report.deeds.iter().any(tail) => Some("the tail of a line was executed"),
             () if self.had(&[Kind::Hang]) => Some("the board hung"),
+            () if self.had(&[Kind::Halt]) && self.had(&DEAF) => Some("halted, and the host did not hear it"),
             () if self.had(&[Kind::Halt, Kind::EmergencyStop]) && !self.hard_stop => {
                 Some("halted, and no reset")
             }
@@ -406,6 +407,9 @@ fn screen(dice: &mut Dice) -> ScreenPlan {
     let at = dice.between(1, 8) as u32;
     ScreenPlan { takes_ns, fails: dice.chance(80).then_some((task, at)) }
 }
+
+/// What keeps a host from hearing, or from being there.
+const DEAF: [Kind; 4] = [Kind::Kill, Kind::Unplug, Kind::UnplugReset, Kind::HoldReplies];
 
 /// Kinds with the thousandths of runs that have them.
 const KINDS: [(Kind, u64); 16] = [

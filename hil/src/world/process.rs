@@ -78,6 +78,10 @@ impl World {
         let mut settings = self.plan.settings.clone();
         // Who says that all is clear waits at the terminal for the plan.
         settings.waits_for_person = std::mem::take(&mut self.life.confirmed);
+        if settings.waits_for_person && self.life.confirmed_ns.last() != Some(&self.now_ns) {
+            // The port was not there yet; the word is of when it is.
+            self.life.confirmed_ns.push(self.now_ns);
+        }
         self.note(format!("process {} begins: {begin:?}", self.life.processes));
         self.board.connect(self.now_ns);
         self.open = true;
