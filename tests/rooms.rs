@@ -68,7 +68,7 @@ const ONLY: &[(&str, &[&str])] = &[
     ("rust_embed", &["src/server/page.rs"]),
     ("sd_notify", &["src/server/systemd.rs"]),
     ("utoipa", &["src/server/"]),
-    ("tracing", &["src/server/", "src/cli/serve.rs", "src/station/screen.rs"]),
+    ("tracing", &["src/server/", "src/cli/serve.rs", "src/station/screen.rs", "src/station/watchdog.rs"]),
     ("tracing_subscriber", &["src/cli/serve.rs"]),
     ("rustyline", &["src/cli/console"]),
     ("indicatif", &["src/cli/"]),

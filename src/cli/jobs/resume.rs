@@ -11,17 +11,24 @@ use crate::job::disk::{HeldJob, JobId, Store, StoreError};
 use crate::job::host::Begin;
 use crate::job::record::Log;
 use crate::job::state::State;
-use crate::printer::find::{Places, Wanted, connect};
-use crate::printer::port::OpenMode;
+use crate::printer::find::{FindError, Places, Wanted, connect};
+use crate::printer::port::{OpenMode, PortError};
 use crate::profile::{Profile, load_printer};
 use crate::station::{Job, display, lasting_port};
 use anyhow::{Context, bail};
+use std::io::ErrorKind;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 /// A guardian or `jobs list` holds a job for a moment when it looks at it.
 const BUSY_FOR: Duration = Duration::from_millis(500);
+
+/// Between two tries of a port that a watchdog still has.
+const BUSY_PAUSE: Duration = Duration::from_millis(100);
+
+/// How long a watchdog takes to switch the light off and end.
+const WATCHDOG_ENDS: Duration = Duration::from_secs(5);
 
 /// Flags of the verb.
 #[derive(clap::Args)]
@@ -75,6 +82,14 @@ pub(super) fn run(store: Option<&Store>, args: &Args) -> anyhow::Result<ExitCode
     resume(store, held, &log, job, &profile, args)
 }
 
+/// How long a watchdog may have the port of a printer whose host has died: until the light is off.
+fn watched_for(profile: &Profile) -> Duration {
+    match profile.msla() {
+        Some(msla) => Duration::from_millis(u64::from(msla.light.most_ms() + msla.lcd.settle_ms)) + WATCHDOG_ENDS,
+        None => Duration::ZERO,
+    }
+}
+
 /// The job, for this process.
 fn hold(store: &Store, id: JobId) -> Result<HeldJob, StoreError> {
     let start = Instant::now();
@@ -124,11 +139,21 @@ fn resume(
     let rate = rate(args.baud, *baud);
     let begin = Begin::TakeOver { log: Box::new(log.clone()) };
     let sink = profile.msla().map(|msla| display::open(msla, args.lcd_folder.as_deref())).transpose()?;
+    let began = Instant::now();
     runtime()?.block_on(async {
         let letters = letters()?;
         // Boards that opening resets say `start`; that is heard by the host.
         let boot_ms = crate::station::settings::boot_wait_ms(profile);
-        let connection = connect(&wanted, rate, OpenMode::TakeOver, boot_ms, &Places::default()).await?;
+        let connection = loop {
+            match connect(&wanted, rate, OpenMode::TakeOver, boot_ms, &Places::default()).await {
+                Err(FindError::Port(PortError::Open { kind: ErrorKind::ResourceBusy, .. }))
+                    if began.elapsed() < watched_for(profile) =>
+                {
+                    tokio::time::sleep(BUSY_PAUSE).await;
+                }
+                connected => break connected?,
+            }
+        };
         let started = tokio::time::Instant::now();
         let device = lasting_port(&wanted, connection.port.path());
         if !args.no_guard {
