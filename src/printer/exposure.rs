@@ -32,11 +32,14 @@
 //!   host is the watchdog's, a dead cable nobody's.
 //!
 //! A line that is lost shows by the next; the last ones of an exposure have none. So where light off is
-//! not acknowledged in time, the printer is asked which line it has ([`Exposure::take_question`]).
+//! not acknowledged in time, the printer is asked which line it has ([`Exposure::take_question`]); and
+//! where the host keeps the time, light on likewise: its lines go alone, for the time to begin at
+//! the answer to light on and no other's.
 //!
 //! # Why a picture does not change while the light is on
 //! The screen is told to show before the first line of an exposure is given, and to go dark after
-//! the printer has said the word behind the line that switches the light off. Should that word get
+//! the printer has said the word behind the line that switches the light off; not earlier than the
+//! light can be off, if a line was asked for again: the tail of one may have said it. Should that word get
 //! lost on its way, all lines must be acknowledged *and* the exposure's time and [`LOST_WORD_MS`] be
 //! over.
 pub mod script;
@@ -51,15 +54,15 @@ use script::{Script, Step, Timing};
 /// the way is not said again.
 pub const LOST_WORD_MS: u64 = 3_000;
 
-/// So long after its time the line that switches the light off is asked for: its way and that of its
-/// answer, and a line that was sent again within the lead.
-const OFF_LATE_MS: u64 = 20;
+/// So long after its time a line that switches the light is asked for: its way and that of its answer,
+/// and a line that was sent again within the lead.
+const LATE_MS: u64 = 20;
 
 /// And again after so long.
-const OFF_AGAIN_MS: u64 = 250;
+const LATE_AGAIN_MS: u64 = 250;
 
-/// So often for one exposure: a printer that has all its lines is just late.
-const OFF_QUESTIONS: u32 = 4;
+/// So often for one line: a printer that has all its lines is just late.
+const QUESTIONS: u32 = 4;
 
 /// Where a layer is. See the module's table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,6 +98,10 @@ pub enum Event<'a> {
     Acknowledged(u64),
     /// The printer said this line.
     Heard(&'a str),
+    /// It asks for a line again.
+    AskedAgain,
+    /// It says that all lines taken so far have arrived, whatever it has acknowledged.
+    Arrived,
     /// The screen has the layer's picture ready, from 0.
     Loaded(u32),
     /// The screen shows it.
@@ -123,8 +130,10 @@ pub enum Order {
 pub struct Exposure {
     script: Script,
     phase: Phase,
-    /// Lines that were taken, acknowledged, and written down as acknowledged.
+    /// Lines that were taken, have arrived for all that is known, were acknowledged, and written down as
+    /// acknowledged.
     taken: u64,
+    arrived: u64,
     acked: u64,
     durable: u64,
     /// The printer has said the phase's word.
@@ -144,8 +153,13 @@ pub struct Exposure {
     acked_ms: Option<u64>,
     /// The time that it was told of last, ms.
     now_ms: u64,
-    /// When light off is overdue, ms.
-    off_ms: u64,
+    /// When the light is off at the earliest, where the controller keeps the time, ms.
+    lit_until_ms: u64,
+    /// A line of this exposure was asked for again.
+    asked_again: bool,
+    /// When the exposure's line that was taken last was, and when it is overdue, ms.
+    sent_ms: u64,
+    late_ms: u64,
     questions: u32,
     /// Lines before the first that is sent of this exposure: it waits until nothing else is in flight.
     alone_at: u64,
@@ -163,6 +177,7 @@ impl Exposure {
             script,
             phase: Phase::Between,
             taken: 0,
+            arrived: 0,
             acked: 0,
             durable: 0,
             word: false,
@@ -174,7 +189,10 @@ impl Exposure {
             exposed: false,
             acked_ms: None,
             now_ms: 0,
-            off_ms: 0,
+            lit_until_ms: 0,
+            asked_again: false,
+            sent_ms: 0,
+            late_ms: 0,
             questions: 0,
             alone_at: 0,
             notes: false,
@@ -232,9 +250,11 @@ impl Exposure {
             Phase::Lifting => May::Go,
             Phase::Exposing if place.step == Step::Expose => match self.timing() {
                 _ if place.lines == self.alone_at => May::GoAlone,
-                Timing::Pulse => May::GoAlone,
                 Timing::Host if place.light_ends && !self.exposed => May::Wait,
-                _ => May::Go,
+                // Its answer got lost; light off does not wait for that.
+                Timing::Host if self.arrived >= self.taken => May::Go,
+                Timing::Pulse | Timing::Host => May::GoAlone,
+                Timing::Controller => May::Go,
             },
             _ => May::Wait,
         }
@@ -250,25 +270,31 @@ impl Exposure {
             _ => false,
         };
         let time = (waits && self.until_ms > 0).then_some(self.until_ms);
-        [time, self.word_given_up_ms(), self.off_overdue_ms()].into_iter().flatten().min()
+        [time, self.word_given_up_ms(), self.overdue_ms()].into_iter().flatten().min()
     }
 
-    /// Whether the printer is to be asked now which line it has: what it lacks may be light off.
+    /// Whether the printer is to be asked now which line it has: what it lacks may be light off, or what
+    /// got lost the answer to light on, from which the host measures.
     pub fn take_question(&mut self, now_ms: u64) -> bool {
-        let asks = self.off_overdue_ms().is_some_and(|at| at <= now_ms);
+        let asks = self.overdue_ms().is_some_and(|at| at <= now_ms);
         if asks {
-            self.off_ms = now_ms + OFF_AGAIN_MS;
+            self.late_ms = now_ms + LATE_AGAIN_MS;
             self.questions += 1;
         }
         asks
     }
 
-    /// When light off, which was sent, should have been acknowledged.
-    fn off_overdue_ms(&self) -> Option<u64> {
-        let lit =
-            self.phase == Phase::Exposing && self.timing() != Timing::Pulse && self.questions < OFF_QUESTIONS;
-        let [_, off] = self.script.lit_between().filter(|_| lit)?;
-        (self.taken >= off && self.acked < off).then_some(self.off_ms)
+    /// When the light's line that was sent last should have been acknowledged.
+    fn overdue_ms(&self) -> Option<u64> {
+        let lit = self.phase == Phase::Exposing && self.questions < QUESTIONS;
+        let [on, off] = self.script.lit_between().filter(|_| lit)?;
+        let waits = |line: u64| self.taken >= line && self.arrived < line;
+        let waits = match self.timing() {
+            Timing::Pulse => false,
+            Timing::Controller => waits(off),
+            Timing::Host => waits(off) || waits(on),
+        };
+        waits.then_some(self.late_ms)
     }
 
     fn timing(&self) -> Timing {
@@ -296,9 +322,16 @@ impl Exposure {
             Event::Taken => self.took(orders),
             Event::Acknowledged(lines) => {
                 self.acked = self.acked.max(lines);
+                self.arrived = self.arrived.max(lines);
                 self.acknowledged(now_ms);
             }
             Event::Heard(text) => self.heard(text),
+            Event::AskedAgain => self.asked_again = true,
+            Event::Arrived => {
+                self.arrived = self.taken;
+                // Nothing was sent twice: it came when it was sent.
+                self.lights(if self.asked_again { now_ms } else { self.sent_ms });
+            }
             Event::Loaded(layer) => self.loaded = Some(layer),
             Event::Shown(layer) if self.phase == Phase::Showing && layer == self.layer() => {
                 self.screen = true;
@@ -317,6 +350,7 @@ impl Exposure {
     fn begin(&mut self, orders: &mut Vec<Order>) {
         let place = self.script.place();
         self.taken = place.lines;
+        self.arrived = place.lines;
         self.acked = place.lines;
         (self.word, self.screen, self.acked_ms) = (false, false, None);
         orders.push(Order::Blank);
@@ -361,10 +395,11 @@ impl Exposure {
             // Of a host's own timing: the clock starts when light on is acknowledged.
             (self.until_ms, self.exposed) = (0, false);
             let in_all_ms = u64::from(self.script.lead_ms()) + u64::from(self.script.exposure_ms());
-            self.off_ms = self.now_ms + in_all_ms + OFF_LATE_MS;
+            self.lit_until_ms = self.now_ms + in_all_ms;
+            self.late_ms = self.lit_until_ms + LATE_MS;
         }
-        if self.phase == Phase::Exposing && self.timing() == Timing::Host && was.light_ends {
-            self.off_ms = self.now_ms + OFF_LATE_MS;
+        if self.phase == Phase::Exposing && self.timing() == Timing::Host {
+            (self.sent_ms, self.late_ms, self.questions) = (self.now_ms, self.now_ms + LATE_MS, 0);
         }
         if self.phase == Phase::Lifting && self.script.place().layer > was.layer {
             self.phase = match self.script.place().layer < self.script.layers() {
@@ -385,11 +420,8 @@ impl Exposure {
     fn acknowledged(&mut self, now_ms: u64) {
         let place = self.script.place();
         let all = self.acked >= self.taken;
-        if self.phase == Phase::Exposing && self.timing() == Timing::Host && place.light_ends && all {
-            if self.until_ms == 0 {
-                self.until_ms = now_ms + u64::from(self.script.exposure_ms());
-            }
-            return;
+        if all {
+            self.lights(now_ms);
         }
         let sent = match self.phase {
             Phase::Moving => place.step == Step::Expose,
@@ -406,6 +438,15 @@ impl Exposure {
         }
     }
 
+    /// All lines have arrived: where the host keeps the time and the last of them was light on, the
+    /// light is on since then.
+    fn lights(&mut self, since_ms: u64) {
+        let lit = self.phase == Phase::Exposing && self.timing() == Timing::Host;
+        if lit && self.script.place().light_ends && self.until_ms == 0 {
+            self.until_ms = since_ms + u64::from(self.script.exposure_ms());
+        }
+    }
+
     fn heard(&mut self, text: &str) {
         let place = self.script.place();
         if self.phase == Phase::Checking {
@@ -417,7 +458,12 @@ impl Exposure {
             _ => return,
         };
         let step = if self.phase == Phase::Moving { Step::Lower } else { Step::Expose };
-        if sent && text.trim() == script::word(step, self.layer()) {
+        // Behind a damaged line the firmware may have taken the tail of a later one for a line of its own.
+        let too_early = self.phase == Phase::Exposing
+            && self.timing() == Timing::Controller
+            && self.asked_again
+            && self.now_ms < self.lit_until_ms;
+        if sent && !too_early && text.trim() == script::word(step, self.layer()) {
             self.word = true;
         }
     }
@@ -479,7 +525,7 @@ impl Exposure {
                 self.phase = Phase::Exposing;
                 (self.word, self.screen, self.acked_ms) = (false, false, None);
                 self.alone_at = self.script.place().lines;
-                self.questions = 0;
+                (self.questions, self.asked_again) = (0, false);
             }
             Phase::Exposing if self.word && self.script.place().step == Step::Lift => {
                 self.phase = Phase::Resting;

@@ -98,6 +98,10 @@ pub enum News<'a> {
     Acknowledged(u64),
     /// The printer said this.
     Said(&'a str),
+    /// The printer asks for a line again.
+    AskedAgain,
+    /// The printer says that all that was sent has arrived, whatever it has acknowledged.
+    Arrived,
     /// So many commands are written down as acknowledged.
     Durable(u64),
 }

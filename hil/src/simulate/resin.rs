@@ -19,7 +19,8 @@
 //! No host can switch off a light that hangs on a board that does not run ([`Kind::Hang`]), or on
 //! one that it does not reach. Where the controller keeps the time, the latter is the cable being
 //! cut after the line with light on has arrived and before that with light off has; such runs are
-//! counted. So are those in which a board halts while no host is there or hears it: the watchdog's. And where the
+//! counted. So are those in which a board halts while no host is there or hears it, or a host is killed
+//! before it has sent a lost line again: the watchdog's, which is not simulated here. And where the
 //! controller keeps the time, behind a damaged line the firmware may take the tail of the next for a
 //! line of its own: light on, or the dwell once more.
 use super::{FAILURES_MAX, Failure, LIMIT_NS, TAIL_LINES, lock};
@@ -274,6 +275,7 @@ impl Run {
             () if self.had(&[Kind::Halt, Kind::EmergencyStop]) && !self.hard_stop => {
                 Some("halted, and no reset")
             }
+            () if self.had(&[Kind::Kill]) && self.report.mishaps > 0 => Some("killed while a line was lost"),
             () => None,
         }
     }

@@ -251,6 +251,8 @@ impl Source for Plate {
         match news {
             News::Acknowledged(line) => self.on(Event::Acknowledged(line), now_ms),
             News::Said(text) => self.on(Event::Heard(text), now_ms),
+            News::AskedAgain => self.on(Event::AskedAgain, now_ms),
+            News::Arrived => self.on(Event::Arrived, now_ms),
             News::Durable(lines) => self.on(Event::Durable(lines), now_ms),
         }
     }

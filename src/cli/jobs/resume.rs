@@ -85,7 +85,9 @@ pub(super) fn run(store: Option<&Store>, args: &Args) -> anyhow::Result<ExitCode
 /// How long a watchdog may have the port of a printer whose host has died: until the light is off.
 fn watched_for(profile: &Profile) -> Duration {
     match profile.msla() {
-        Some(msla) => Duration::from_millis(u64::from(msla.light.most_ms() + msla.lcd.settle_ms)) + WATCHDOG_ENDS,
+        Some(msla) => {
+            Duration::from_millis(u64::from(msla.light.most_ms() + msla.lcd.settle_ms)) + WATCHDOG_ENDS
+        }
         None => Duration::ZERO,
     }
 }

@@ -317,7 +317,12 @@ impl Show {
             Event::EmergencyStopped { by } => self.say(news::stopped(*by)),
             Event::LinkLost { reason } => self.say(&printable(reason)),
             Event::Rejoined { firmware } => self.connected(firmware.as_deref()),
-            Event::Position(_) | Event::Held | Event::OwnDone | Event::Found(_) | Event::Ended(_) => {}
+            Event::Arrived
+            | Event::Position(_)
+            | Event::Held
+            | Event::OwnDone
+            | Event::Found(_)
+            | Event::Ended(_) => {}
         }
         self.refresh(self.interval());
     }

@@ -58,6 +58,8 @@ impl<S: Source> Host<S> {
                 self.happen(Happening::LinkLost);
             }
             Event::Note(text) => self.source.hear(News::Said(text), now_ms),
+            Event::Resend { .. } => self.source.hear(News::AskedAgain, now_ms),
+            Event::Arrived => self.source.hear(News::Arrived, now_ms),
             Event::Found(found) => self.found(*found, now_ms),
             Event::Rejoined { .. } => self.rejoined(now_ms),
             Event::Ended(outcome) => self.ended(outcome, now_ms),

@@ -293,14 +293,61 @@ fn a_host_that_keeps_the_time_sends_off_when_it_is_over() {
     p.pass(500);
     p.on(Event::Shown(0));
     assert_eq!(p.feed(), ["G4 P100", "M106 S255"]);
+    assert_eq!(p.machine.may(), May::Wait, "light on was not acknowledged");
+    // Its answer may have got lost: the printer is asked.
+    assert_eq!(p.machine.due_ms(), Some(500 + LATE_MS));
+    assert!(!p.machine.take_question(500 + LATE_MS - 1));
+    assert!(p.machine.take_question(500 + LATE_MS) && !p.machine.take_question(500 + LATE_MS));
     p.pass(70);
-    assert_eq!(p.machine.due_ms(), None, "light on was not acknowledged");
     p.acknowledge();
     assert_eq!(p.machine.due_ms(), Some(570 + 2_000));
     p.pass(1_999);
     assert_eq!(p.machine.may(), May::Wait);
     p.pass(1);
     assert_eq!(p.feed(), ["M107", "M118 light_off 0"]);
+}
+
+#[test]
+fn a_lost_answer_to_light_on_does_not_make_it_longer() {
+    let mut p = Play::new(Timing::Host, 1);
+    p.feed();
+    p.say(Step::Lower);
+    p.on(Event::Loaded(0));
+    p.keep();
+    p.pass(500);
+    p.on(Event::Shown(0));
+    assert_eq!(p.feed(), ["G4 P100", "M106 S255"]);
+    p.pass(LATE_MS);
+    assert!(p.machine.take_question(p.now_ms));
+    p.pass(10);
+    p.on(Event::Arrived);
+    assert_eq!(p.machine.due_ms(), Some(500 + 2_000), "from when it was sent");
+    p.pass(2_000 - LATE_MS - 10);
+    assert_eq!(p.machine.may(), May::Go, "does not wait for the lost answer");
+    p.on(Event::Taken);
+    assert_eq!(p.machine.script().line(), "M107");
+    assert_eq!(p.machine.due_ms(), Some(2_500 + LATE_MS), "and asks for light off");
+}
+
+#[test]
+fn the_tail_of_a_line_may_say_the_word_too_early() {
+    // Whether a line was asked for again, and so long after the first the word comes: whether it is believed.
+    let check = |asked_again: bool, after_ms: u64, believed: bool| {
+        let mut p = at(Phase::Showing);
+        p.give("Shown");
+        p.feed();
+        if asked_again {
+            p.on(Event::AskedAgain);
+        }
+        p.pass(after_ms);
+        p.say(Step::Expose);
+        assert_eq!(p.machine.phase() == Phase::Resting, believed, "{asked_again} {after_ms}");
+    };
+    check(true, 100, false);
+    check(true, 2_099, false);
+    check(true, 2_100, true);
+    // A clock that runs faster than ours is no fault.
+    check(false, 100, true);
 }
 
 #[test]

@@ -29,6 +29,8 @@ pub enum Event {
         /// Number on the wire.
         n: u32,
     },
+    /// The printer says that it lacks nothing of what was fed, though not all of it is acknowledged.
+    Arrived,
     /// No progress for a while: a probe went out.
     Probed {
         /// Timeouts in a row.

@@ -50,7 +50,10 @@ impl Session {
         self.growth.on_resend();
         self.window.set_extra(0);
         if n == self.window.next() {
-            // Nothing is missing (M999 asks so).
+            // Nothing is missing (M999 asks so, and who is asked which line it has).
+            if !self.pending.full && !self.window.is_idle() {
+                self.tell(Event::Arrived);
+            }
             return;
         }
         self.tell(Event::Resend { n });

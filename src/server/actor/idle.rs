@@ -256,6 +256,7 @@ impl<'a> Quiet<'a> {
                 | Event::UnknownCommand(_)
                 | Event::Position(_)
                 | Event::Busy(_)
+                | Event::Arrived
                 | Event::Resend { .. }
                 | Event::Probed { .. }
                 | Event::Held

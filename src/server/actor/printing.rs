@@ -363,7 +363,8 @@ impl Eye<'_> {
             }
             Event::EmergencyStopped { by } => self.say(Level::Error, news::stopped(*by)),
             Event::LinkLost { reason } => self.say(Level::Warning, reason.clone()),
-            Event::Probed { .. }
+            Event::Arrived
+            | Event::Probed { .. }
             | Event::Busy(_)
             | Event::Position(_)
             | Event::Held
