@@ -40,7 +40,7 @@ pub struct Exposed {
 /// Whether a layer has that pixel in its picture.
 pub fn lit(layer: u32, pixel: u32) -> bool {
     // All layers have the first, as a part has a core.
-    pixel == 0 || layer.wrapping_mul(0x9e37_79b9).rotate_left(pixel).count_ones() % 2 == 0
+    pixel == 0 || layer.wrapping_mul(0x9e37_79b9).rotate_left(pixel).count_ones().is_multiple_of(2)
 }
 
 /// Goes through all pulses. `speed`: how many times faster than life the machine is.
