@@ -38,12 +38,12 @@ fn picture() -> Vec<u8> {
     (0..HEIGHT_PX).flat_map(|y| (0..WIDTH_PX).map(move |x| inside(x, y))).collect()
 }
 
-fn layout(pixels: Pixels, mirror: bool) -> Layout {
-    Layout { width_px: WIDTH_PX, height_px: HEIGHT_PX, pixels, mirror: [mirror; 2] }
+fn layout(pixels: Pixels) -> Layout {
+    Layout { width_px: WIDTH_PX, height_px: HEIGHT_PX, pixels }
 }
 
-fn painter(pixels: Pixels, depth: Depth, mirror: bool) -> Painter {
-    let layout = layout(pixels, mirror);
+fn painter(pixels: Pixels, depth: Depth) -> Painter {
+    let layout = layout(pixels);
     let [width_px, height_px] = layout.display_px();
     let format = Format { width_px, height_px, stride_bytes: width_px * depth.bytes(), depth };
     Painter::new(layout, format).expect("it fits")
@@ -51,12 +51,11 @@ fn painter(pixels: Pixels, depth: Depth, mirror: bool) -> Painter {
 
 fn painters() -> Vec<(&'static str, Painter)> {
     vec![
-        ("paint grey 8", painter(Pixels::Grey, Depth::Eight, false)),
-        ("paint grey 32", painter(Pixels::Grey, Depth::ThirtyTwo, false)),
-        ("paint packed 16", painter(PACKED, Depth::Sixteen, false)),
-        ("paint packed 24", painter(PACKED, Depth::TwentyFour, false)),
-        ("paint packed 32", painter(PACKED, Depth::ThirtyTwo, false)),
-        ("paint packed 32, mirrored", painter(PACKED, Depth::ThirtyTwo, true)),
+        ("paint grey 8", painter(Pixels::Grey, Depth::Eight)),
+        ("paint grey 32", painter(Pixels::Grey, Depth::ThirtyTwo)),
+        ("paint packed 16", painter(PACKED, Depth::Sixteen)),
+        ("paint packed 24", painter(PACKED, Depth::TwentyFour)),
+        ("paint packed 32", painter(PACKED, Depth::ThirtyTwo)),
     ]
 }
 
@@ -74,7 +73,7 @@ fn paint_again(painter: &mut Painter, picture: &[u8]) {
 }
 
 fn framebuffer(root: &Path) -> Framebuffer {
-    let layout = layout(PACKED, false);
+    let layout = layout(PACKED);
     let [width, height] = layout.display_px();
     let place = Place { sysfs: root.join("fb0"), device: root.join("device") };
     std::fs::create_dir_all(&place.sysfs).expect("a folder");
@@ -123,8 +122,7 @@ fn ratios(ratios: &Ratios) {
     }
     let root = tempfile::tempdir().expect("a folder");
     let mut screen = framebuffer(root.path());
-    let mut folder =
-        Folder::open(layout(PACKED, false), &root.path().join("panel"), false).expect("a folder");
+    let mut folder = Folder::open(layout(PACKED), &root.path().join("panel"), false).expect("a folder");
     let sinks: [(&str, &mut dyn Sink); 2] =
         [("dark and shown, framebuffer", &mut screen), ("dark and shown, folder", &mut folder)];
     for (name, sink) in sinks {

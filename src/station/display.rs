@@ -16,7 +16,7 @@ pub(crate) fn layout(lcd: &msla::Lcd) -> Layout {
         msla::Pixels::Rgb => Pixels::Packed { order: Order::Rgb },
         msla::Pixels::Bgr => Pixels::Packed { order: Order::Bgr },
     };
-    Layout { width_px: lcd.width_px, height_px: lcd.height_px, pixels, mirror: [false; 2] }
+    Layout { width_px: lcd.width_px, height_px: lcd.height_px, pixels }
 }
 
 /// Its display; a folder that is given takes its place.

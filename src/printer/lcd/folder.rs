@@ -13,7 +13,7 @@
 //!   no more needed, at the latest by the next opening; so one process a folder.
 //!
 //! # Pictures
-//! 8 bits of grey, a pixel of the file for each of the panel, mirrored as the layout says,
+//! 8 bits of grey, a pixel of the file for each of the panel,
 //! whatever [`Layout::pixels`] says: packing is the business of who shows them. The painter writes
 //! the file (that takes milliseconds), on whichever thread it is; [`Sink::show`] only links and
 //! renames.
@@ -239,14 +239,8 @@ mod tests {
     use super::*;
     use crate::printer::lcd::layout::{Order, Pixels};
 
-    const PANEL: Layout = Layout {
-        width_px: 4,
-        height_px: 2,
-        pixels: Pixels::Packed { order: Order::Rgb },
-        mirror: [true, false],
-    };
+    const PANEL: Layout = Layout { width_px: 4, height_px: 2, pixels: Pixels::Packed { order: Order::Rgb } };
     const ROWS: [[u8; 4]; 2] = [[1, 2, 3, 4], [0, 0, 128, 255]];
-    const MIRRORED: [u8; 8] = [4, 3, 2, 1, 255, 128, 0, 0];
 
     fn frame(painter: &mut Painter, rows: [[u8; 4]; 2]) -> Frame {
         rows.iter().for_each(|row| painter.row(row).expect("a row"));
@@ -289,7 +283,7 @@ mod tests {
         folder.blank().unwrap();
         assert_eq!(pixels(&path.join(CURRENT)), [0; 8]);
         folder.show(&picture).unwrap();
-        assert_eq!(pixels(&path.join(CURRENT)), MIRRORED);
+        assert_eq!(pixels(&path.join(CURRENT)), ROWS.as_flattened());
         // The same again, as a rename between two names of one file would not.
         folder.show(&picture).unwrap();
         folder.show(&dim).unwrap();
@@ -307,7 +301,7 @@ mod tests {
             ("blank", dark, 3),
         ];
         assert_eq!(lines(&path), expect.map(|(picture, sum, count)| (picture.to_owned(), sum, count)));
-        assert_eq!(pixels(&path.join("000002.png")), MIRRORED);
+        assert_eq!(pixels(&path.join("000002.png")), ROWS.as_flattened());
         assert_eq!(pixels(&path.join("000003.png")), [7; 8]);
 
         painter.take_back(picture);

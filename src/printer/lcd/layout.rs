@@ -24,10 +24,6 @@ pub struct Layout {
     pub height_px: u32,
     /// Which of them are a pixel of the display.
     pub pixels: Pixels,
-    /// The picture lies mirrored on the panel: left and right, top and bottom. It is turned
-    /// around as a whole first and packed then, so that [`Order`] speaks of what the
-    /// panel has at its left.
-    pub mirror: [bool; 2],
 }
 
 /// Which pixels of the panel are a pixel of the display.
@@ -166,7 +162,7 @@ mod tests {
     const PACKED: Pixels = Pixels::Packed { order: Order::Rgb };
 
     fn layout(width_px: u32, height_px: u32, pixels: Pixels) -> Layout {
-        Layout { width_px, height_px, pixels, mirror: [false; 2] }
+        Layout { width_px, height_px, pixels }
     }
 
     #[test]

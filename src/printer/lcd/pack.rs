@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn bytes_are_as_linux_has_them() {
         let check = |pixels, depth: Depth, row: &[u8], expect: &[u8]| {
-            let layout = Layout { width_px: row.len() as u32, height_px: 1, pixels, mirror: [false; 2] };
+            let layout = Layout { width_px: row.len() as u32, height_px: 1, pixels };
             let [width_px, height_px] = layout.display_px();
             let format = Format { width_px, height_px, stride_bytes: width_px * depth.bytes() + 1, depth };
             let mut to = vec![7; format.stride_bytes as usize];

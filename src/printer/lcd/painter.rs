@@ -1,7 +1,7 @@
 //! Rows of a picture into a frame.
 //!
 //! Takes rows of brightness from the top, one at a time, and gives a [`Frame`] that needs only
-//! to be shown. Each row is mirrored, packed and summed up as it comes, so that a picture costs the
+//! to be shown. Each row is packed and summed up as it comes, so that a picture costs the
 //! memory of its frame and of one row. Where the sink is a folder, the file is written ahead here
 //! as well.
 use super::folder::Ahead;
@@ -27,7 +27,6 @@ pub struct Painter {
     /// A row was refused.
     broken: bool,
     sum: Sum,
-    mirrored: Vec<u8>,
     spares: Vec<Vec<u8>>,
 }
 
@@ -48,7 +47,6 @@ impl Painter {
             rows: 0,
             broken: false,
             sum: Sum::new(),
-            mirrored: Vec::new(),
             spares: Vec::new(),
         }
     }
@@ -59,7 +57,7 @@ impl Painter {
     /// It has not as many pixels as the panel ([`LcdError::RowLength`]), or the panel has all its
     /// rows already ([`LcdError::RowCount`]). The picture cannot be finished then.
     pub fn row(&mut self, row: &[u8]) -> Result<(), LcdError> {
-        let Layout { width_px, height_px, mirror: [turn_row, turn_rows], .. } = self.packer.layout();
+        let Layout { width_px, height_px, .. } = self.packer.layout();
         if row.len() != width_px as usize {
             self.broken = true;
             return Err(LcdError::RowLength { row: self.rows, got: row.len(), wanted: width_px });
@@ -69,15 +67,8 @@ impl Painter {
             return Err(LcdError::RowCount { got: self.rows + 1, wanted: height_px });
         }
         self.sum.row(row);
-        let place = if turn_rows { height_px - 1 - self.rows } else { self.rows } as usize;
+        let place = self.rows as usize;
         self.rows += 1;
-        let row = if turn_row {
-            self.mirrored.clear();
-            self.mirrored.extend(row.iter().rev());
-            &self.mirrored
-        } else {
-            row
-        };
         let stride = self.packer.format().stride_bytes as usize;
         if self.bytes.is_empty() {
             // A spare's rows are all written again, and behind them it is as empty as a new one's.
@@ -186,10 +177,10 @@ mod tests {
             Just(Depth::TwentyFour),
             Just(Depth::ThirtyTwo),
         ];
-        let panel = (1_u32..20, 1_u32..6, pixels, any::<[bool; 2]>());
+        let panel = (1_u32..20, 1_u32..6, pixels);
         (panel, depth, 0_u32..5).prop_filter_map("no colours", |(panel, depth, padding)| {
-            let (width_px, height_px, pixels, mirror) = panel;
-            let layout = Layout { width_px, height_px, pixels, mirror };
+            let (width_px, height_px, pixels) = panel;
+            let layout = Layout { width_px, height_px, pixels };
             let [width_px, height_px] = layout.display_px();
             let stride_bytes = width_px * depth.bytes() + padding;
             let format = Format { width_px, height_px, stride_bytes, depth };
@@ -214,11 +205,7 @@ mod tests {
             let mut painter = Painter::new(layout, format).unwrap();
             let frame = painted(&mut painter, picture);
             for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-                let lies = [
-                    if layout.mirror[0] { width - 1 - x } else { x },
-                    if layout.mirror[1] { height - 1 - y } else { y },
-                ];
-                let (got, off) = at(&frame, lies);
+                let (got, off) = at(&frame, [x, y]);
                 let given = u64::from(picture[y * width + x]) * 63 * 31 * 255;
                 prop_assert!(got.abs_diff(given) <= off, "{x}, {y} of {layout:?} {format:?}");
             }
@@ -245,7 +232,7 @@ mod tests {
         }
     }
 
-    const LAYOUT: Layout = Layout { width_px: 3, height_px: 2, pixels: Pixels::Grey, mirror: [true, false] };
+    const LAYOUT: Layout = Layout { width_px: 3, height_px: 2, pixels: Pixels::Grey };
 
     #[test]
     fn the_sum_is_that_of_the_picture_as_given() {
@@ -253,7 +240,7 @@ mod tests {
         [[1, 2, 3], [4, 5, 6]].iter().for_each(|row| sum.row(row));
         let mut painter = Painter::new(LAYOUT, LAYOUT.plain().1).unwrap();
         let frame = painted(&mut painter, &[1, 2, 3, 4, 5, 6]);
-        assert_eq!((frame.bytes(), frame.sum()), (&[3, 2, 1, 6, 5, 4][..], sum.finish()));
+        assert_eq!((frame.bytes(), frame.sum()), (&[1, 2, 3, 4, 5, 6][..], sum.finish()));
     }
 
     #[test]
@@ -267,7 +254,7 @@ mod tests {
             assert_eq!(refused.join("; "), expect[0]);
             assert_eq!(painter.finish().expect_err("refused").to_string(), expect[1]);
             let frame = painted(&mut painter, &[1, 2, 3, 4, 5, 6]);
-            assert_eq!(frame.bytes(), [3, 2, 1, 6, 5, 4]);
+            assert_eq!(frame.bytes(), [1, 2, 3, 4, 5, 6]);
         };
         let broken = "the picture was broken off by a wrong row: this is a mistake in the program";
         check(&[], ["", "the picture has 0 rows, the panel 2"]);

@@ -1,7 +1,7 @@
 //! A display in memory that remembers what it was told to show, and fails where it shall.
 //!
 //! For tests and the demo. Takes a clock, which may be virtual; gives a [`Record`] that any thread
-//! may read. Its frames have a byte a pixel, mirrored as the layout says.
+//! may read. Its frames have a byte a pixel.
 use super::layout::{Format, Layout};
 use super::pack::Packer;
 use super::painter::Painter;
@@ -156,12 +156,7 @@ mod tests {
     use crate::printer::lcd::layout::{Order, Pixels};
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    const PANEL: Layout = Layout {
-        width_px: 4,
-        height_px: 2,
-        pixels: Pixels::Packed { order: Order::Rgb },
-        mirror: [false, true],
-    };
+    const PANEL: Layout = Layout { width_px: 4, height_px: 2, pixels: Pixels::Packed { order: Order::Rgb } };
 
     fn frame(painter: &mut Painter, brightness: u8) -> Frame {
         (0..2).for_each(|_| painter.row(&[brightness; 4]).expect("a row"));
@@ -197,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_frame_of_another_panel_is_refused() {
-        let other = Layout { mirror: [true, true], ..PANEL };
+        let other = Layout { pixels: Pixels::Grey, ..PANEL };
         let frame = frame(&mut Recorder::new(other, || 0).unwrap().painter(), 1);
         let mut recorder = Recorder::new(PANEL, || 0).unwrap();
         assert!(matches!(recorder.show(&frame), Err(LcdError::Foreign)));

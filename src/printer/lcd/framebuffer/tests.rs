@@ -6,8 +6,7 @@ use std::fs;
 use tempfile::TempDir;
 
 /// 5 × 4 pixels, of which three are one: 2 × 4 of the display.
-const PANEL: Layout =
-    Layout { width_px: 5, height_px: 4, pixels: Pixels::Packed { order: Order::Rgb }, mirror: [false; 2] };
+const PANEL: Layout = Layout { width_px: 5, height_px: 4, pixels: Pixels::Packed { order: Order::Rgb } };
 
 /// What the files of a display say unless a test says otherwise.
 const FILES: [(&str, &str); 6] = [
