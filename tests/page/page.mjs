@@ -172,6 +172,18 @@ await step('console: a command and what the printer says to it', async () => {
   await page.waitForFunction(() => document.querySelector('.log').textContent.includes('Unknown command: "M503"'));
 });
 
+await step('console: what is fetched and streamed is not said twice', () => page.evaluate(async () => {
+  const { unseen } = await import('/assets/console.js');
+  const lines = (words) => [...words].map((text) => ({ at_unix_s: 1, from: 'printer', text }));
+  const words = (some) => some.map(({ text }) => text).join('');
+  // Streamed in two goes, after these were fetched: what is new of each.
+  for (const [fetched, first, then, expect] of [['abc', 'bcd', 'e', 'd,e'], ['abcd', 'bc', 'de', ',e'], ['abc', 'd', 'c', 'd,c'], ['', 'a', 'a', 'a,a'], ['aab', 'ab', 'b', ',b']]) {
+    const [one, rest] = unseen(lines(first), lines(fetched));
+    const [two] = unseen(lines(then), rest);
+    if (`${words(one)},${words(two)}` !== expect) throw new Error(`${fetched} ${first} ${then}: ${words(one)},${words(two)}`);
+  }
+}));
+
 await step(`${jobName} is sent by the page's own file input, and held`, async () => {
   const [chooser] = await Promise.all([page.waitForFileChooser(), press('Send a file…')]);
   await chooser.accept([job]);

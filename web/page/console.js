@@ -44,7 +44,18 @@ function history(input) {
   };
 }
 
-export function consolePanel(scope, id) {
+const same = (a, b) => a.at_unix_s === b.at_unix_s && a.from === b.from && a.text === b.text;
+
+/** Of lines that came by the stream those that are not in what was fetched already, and what of that the stream has still to tell. */
+export function unseen(lines, fetched) {
+  for (let from = Math.max(0, fetched.length - MOST_LINES); from < fetched.length; from += 1) {
+    const told = Math.min(lines.length, fetched.length - from);
+    if (lines.slice(0, told).every((line, k) => same(line, fetched[from + k]))) return [lines.slice(told), fetched.slice(from + told)];
+  }
+  return [lines, []];
+}
+
+export function consolePanel(scope, id, { melts }) {
   const path = `/printers/${encodeURIComponent(id)}`;
   // It would be read without end; who wants to hear it goes into it.
   const log = el('div', { class: 'log', role: 'log', 'aria-live': 'off', 'aria-label': W.console.log, tabindex: 0 });
@@ -58,10 +69,16 @@ export function consolePanel(scope, id) {
     if (!log.children.length) log.append(el('p', { class: 'faint nothing' }, W.console.none));
     if (follow) log.scrollTop = log.scrollHeight;
   };
+  // The stream goes on while what was said is fetched: it may tell some of that again.
+  let fetched = [];
   scope.watch(() => store.connection === 'live', (live) => {
-    if (live) get(`${path}/console`).then(({ lines }) => add(lines, true)).catch(fail);
+    if (live) get(`${path}/console`).then(({ lines }) => { fetched = lines; add(lines, true); }).catch(fail);
   });
-  scope.ends.push(store.stream('console', ({ printer, lines }) => { if (printer === id) add(lines); }));
+  scope.ends.push(store.stream('console', ({ printer, lines }) => {
+    if (printer !== id) return;
+    [lines, fetched] = unseen(lines, fetched);
+    add(lines);
+  }));
 
   const input = el('input', { class: 'mono', 'aria-label': W.console.input, autocomplete: 'off', autocapitalize: 'characters', spellcheck: 'false', placeholder: 'M115' });
   const remember = history(input);
@@ -78,6 +95,6 @@ export function consolePanel(scope, id) {
     why.textContent = reason ?? (busy ? W.blocked.consoleAdmin : W.console.hint);
     set.disabled = Boolean(reason);
   });
-  const hide = tick(W.console.hide, { checked: true, on: { change: (event) => log.classList.toggle('all', !event.target.checked) } });
+  const hide = melts && tick(W.console.hide, { checked: true, on: { change: (event) => log.classList.toggle('all', !event.target.checked) } });
   return section(W.console.title, {}, log, set, el('div', { class: 'between' }, why, hide));
 }

@@ -36,7 +36,8 @@ export function jogPanel(scope, id, { plate = false } = {}) {
   const steps = el('div', { class: 'segments', role: 'radiogroup', 'aria-label': W.jog.step }, STEPS_MM.map((mm) => el('label', {},
     el('input', { type: 'radio', name: `step-${id}`, value: mm, checked: mm === step, on: { change: () => { step = mm; name(); } } }), el('span', {}, W.jog.mm(mm)))));
 
-  const pad = el('div', { class: 'pad', role: 'group', 'aria-label': W.jog.group }, buttons, button('⌂', home(axes), { kind: 'jog middle', 'aria-label': W.jog.homeAll, title: W.jog.homeAll, key: 'home' }));
+  const homeName = plate ? W.jog.homeAxis('Z') : W.jog.homeAll;
+  const pad = el('div', { class: plate ? 'pad plate' : 'pad', role: 'group', 'aria-label': W.jog.group }, buttons, button('⌂', home(axes), { kind: `jog ${plate ? 'zhome' : 'middle'}`, 'aria-label': homeName, title: homeName, key: 'home' }));
   let moving = false;
   pad.addEventListener('keydown', async (event) => {
     const known = moves.find(([, , , key]) => key === event.key);
@@ -49,7 +50,7 @@ export function jogPanel(scope, id, { plate = false } = {}) {
     moving = false;
   });
 
-  const homes = el('div', { class: 'row' }, !plate && button(W.jog.homeAll, home(axes), { key: 'home all' }),
+  const homes = !plate && el('div', { class: 'row' }, button(W.jog.homeAll, home(axes), { key: 'home all' }),
     axes.map((axis) => button(axis.toUpperCase(), home([axis]), { 'aria-label': W.jog.homeAxis(axis.toUpperCase()), title: W.jog.homeAxis(axis.toUpperCase()), key: `home ${axis}` })));
   return section(W.jog.title, {}, guarded(scope, id, plate ? W.jog.plate : W.jog.pad, steps, pad, homes));
 }

@@ -77,7 +77,7 @@ export function view(scope, id) {
       scope.text(() => [printer().profile, printer().firmware].filter(Boolean).join(' · '), 'span', { class: 'faint' })),
     attention(scope, id),
     el('div', { class: 'columns' },
-      el('div', {}, nowPanel(scope, id), melts && temperatureGraph(scope, id), queuePanel(scope, id), may('control') && consolePanel(scope, id)),
+      el('div', {}, nowPanel(scope, id), melts && temperatureGraph(scope, id), queuePanel(scope, id), may('control') && consolePanel(scope, id, { melts })),
       el('div', {}, webcam(scope, id), may('control') && [melts && heatPanel(scope, id), jogPanel(scope, id, { plate: !melts })], messages(scope, id), earlier(scope, id))),
   ];
 }

@@ -52,7 +52,7 @@ pub(super) fn summary(told: &Value) -> Check {
         }
         let area = region["area_mm2"].as_f64().unwrap_or_default();
         let severity = if area >= LOOK_MM2 { Severity::Look } else { Severity::Note };
-        findings.push(piece(region, severity, "overhang", "beads reach out too far over nothing"));
+        findings.push(piece(region, severity, "overhang", "material reaches out too far over nothing"));
     }
     for warning in list("warnings").iter().filter_map(Value::as_str) {
         findings.push(Finding {
