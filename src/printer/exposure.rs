@@ -388,6 +388,7 @@ impl Exposure {
         if matches!(self.phase, Phase::Between | Phase::Checking) {
             self.phase = Phase::Moving;
             (self.word, self.acked_ms) = (false, None);
+            self.asked_again = false;
             self.want_loaded(was.layer, orders);
         }
         if self.phase == Phase::Exposing && was.lines == self.alone_at {
@@ -508,6 +509,9 @@ impl Exposure {
     fn step_on(&mut self, now_ms: u64, orders: &mut Vec<Order>) -> bool {
         let layer = self.layer();
         match self.phase {
+            // The tail of a line may have said the word while the plate moves: its `ok` is one too many, so
+            // that the last is that of the wait for the moves.
+            Phase::Moving if self.word && self.asked_again && self.acked < self.taken => return false,
             Phase::Moving if self.word && self.script.place().step == Step::Expose => {
                 self.phase = Phase::Settling;
                 self.until_ms = now_ms + u64::from(self.script.settle_ms());

@@ -351,6 +351,17 @@ fn the_tail_of_a_line_may_say_the_word_too_early() {
 }
 
 #[test]
+fn the_tail_of_a_line_may_say_that_the_plate_stands() {
+    let mut p = Play::new(Timing::Controller, 1);
+    p.feed();
+    p.on(Event::AskedAgain);
+    p.say(Step::Lower);
+    assert_eq!(p.machine.phase(), Phase::Moving, "the wait for the moves is not acknowledged");
+    p.acknowledge();
+    assert_eq!(p.machine.phase(), Phase::Settling);
+}
+
+#[test]
 fn it_begins_wherever_the_script_stands() {
     // After so many lines: the phase, and what may come.
     let check = |lines: u64, phase: Phase, may: May| {

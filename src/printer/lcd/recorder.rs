@@ -192,8 +192,10 @@ mod tests {
 
     #[test]
     fn a_frame_of_another_panel_is_refused() {
-        let other = Layout { pixels: Pixels::Grey, ..PANEL };
-        let frame = frame(&mut Recorder::new(other, || 0).unwrap().painter(), 1);
+        let other = Layout { height_px: 1, ..PANEL };
+        let mut painter = Recorder::new(other, || 0).unwrap().painter();
+        painter.row(&[1; 4]).expect("a row");
+        let frame = painter.finish().expect("a frame");
         let mut recorder = Recorder::new(PANEL, || 0).unwrap();
         assert!(matches!(recorder.show(&frame), Err(LcdError::Foreign)));
         assert!(recorder.record().changes().is_empty());
